@@ -107,9 +107,9 @@ def python(case: Path) -> None:
 
 def slicer(case: Path) -> None:
     """The module's screenshot and the steps of its tutorial."""
-    screenshots = TOP / "plugin" / "Screenshots"
-    _do([sys.executable, str(screenshots / "make.py"), str(case)])
-    _do([sys.executable, str(screenshots / "make_steps.py"), str(case), str(PICTURES)])
+    drawn_by = DOCS / "slicer_pictures"
+    _do([sys.executable, str(drawn_by / "make.py"), str(case)])
+    _do([sys.executable, str(drawn_by / "make_steps.py"), str(case), str(PICTURES)])
 
 
 def sketch(case: Path) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import SimpleITK as sitk
+from numpy.typing import ArrayLike
 from scipy import ndimage
 
 from palpate.core.arrays import FloatArray, NumberArray
@@ -21,6 +22,13 @@ class Volume:
 
     array: NumberArray
     affine: FloatArray
+
+    @classmethod
+    def upright(cls, low: FloatArray, spacing: FloatArray, shape: ArrayLike) -> Volume:
+        """An empty label volume whose axes are those of LPS. low : (3,) mm, centre of the first voxel. shape : (3,) voxels."""
+        affine = np.diag([*spacing, 1.0])
+        affine[:3, 3] = low
+        return cls(np.zeros(np.asarray(shape, dtype=int), dtype=np.uint8), affine)
 
     @property
     def spacing(self) -> FloatArray:
@@ -51,6 +59,17 @@ class Volume:
         return np.asarray(
             ndimage.map_coordinates(self.array, self.to_index(lps).T, np.float64, order=1, mode="nearest")
         )
+
+    def nearest(self, lps: FloatArray, outside: float = 0) -> NumberArray:
+        """Values (n,) of the voxels that hold patient coordinates (n, 3) mm; `outside` beyond the grid.
+
+        In the array's own type, as floats where `outside` is one.
+        """
+        index = np.rint(self.to_index(lps)).astype(int)
+        inside = ((index >= 0) & (index < self.array.shape[:3])).all(axis=1)
+        out = np.full(len(index), outside, dtype=np.float64 if isinstance(outside, float) else self.array.dtype)
+        out[inside] = self.array[tuple(index[inside].T)]
+        return out
 
     def with_array(self, array: NumberArray) -> Volume:
         """The same grid with other values."""

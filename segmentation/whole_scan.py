@@ -7,14 +7,50 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
-from palpate.segmentation.body import body_mask, without_surroundings
 from palpate.segmentation.bone.bone import bone_mask
 from palpate.segmentation.bone.landmarks import Pelvis, find_pelvis
 from palpate.segmentation.hu_scale import rescaled, scale_of
-from palpate.segmentation.working_grid import COARSE_MM, Mask, blurred, mask_on, shrunk
+from palpate.segmentation.working_grid import (
+    AIR_HU,
+    COARSE_MM,
+    Mask,
+    blurred,
+    dilated,
+    eroded,
+    filled,
+    largest,
+    mask_on,
+    shrunk,
+)
 
+SKIN_HU = -250.0
+# Table tops and their padding are thinner than twice this, and touch the body with less.
+OPENING_MM = 7.0
+SMALLEST_L = 0.3
 BONE_MM = 2.0
+
+
+def body_mask(ct: Volume) -> Mask:
+    """Mask of the body, gas within it included. ct : HU on an even upright grid, about 3 mm.
+
+    Raises InputError when the scan holds no body.
+    """
+    step = float(ct.spacing[0])
+    solid = ct.array > SKIN_HU
+    # Beyond the first and last slice the body goes on; beyond the sides of the picture it does not.
+    sides = np.pad(solid, ((1, 1), (1, 1), (0, 0)))
+    core = largest(eroded(sides, OPENING_MM, step))
+    if core.sum() * step**3 < SMALLEST_L * 1e6:
+        raise InputError(f"the scan holds no body: nothing larger than {SMALLEST_L} litres is above {SKIN_HU:.0f} HU")
+    near = dilated(core, OPENING_MM + step, step)
+    return largest(filled((near & sides)[1:-1, 1:-1], within=2))
+
+
+def without_surroundings(ct: Volume, body: Mask) -> Volume:
+    """The CT with everything outside the body set to air."""
+    return ct.with_array(np.where(body, ct.array, np.float32(AIR_HU)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from palpate.core.errors import ConvergenceError
 from palpate.core.fem.materials import Material
 from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.mesh import TetMesh
+from palpate.core.statistics import rms
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.simulate.stiffness import Stiffness
@@ -54,13 +55,9 @@ def hidden_figures(mesh: TetMesh, u: FloatArray, stiffness: Stiffness, solve: So
     ]
     D = np.column_stack([(along_normal(of) - plain) / _STEP for of in stiffer])
     left = done - D @ np.linalg.lstsq(D, done, rcond=None)[0]
-    return {"shown_mm": _rms(done), "left_mm": _rms(left)}
+    return {"shown_mm": rms(done), "left_mm": rms(left)}
 
 
 def _faces(mesh: TetMesh) -> tuple[IntArray, IntArray]:
     faces, owner = mesh.region_boundary(ORGAN_LABELS)
     return faces, mesh.regions[owner]
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

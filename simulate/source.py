@@ -206,7 +206,4 @@ def _as_stored(hu: Float32Array, ct: Volume, grid: Volume) -> Volume:
 
 def _grid(low: FloatArray, high: FloatArray, voxel_mm: tuple[float, float, float]) -> Volume:
     spacing = np.array(voxel_mm)
-    shape = np.ceil((np.asarray(high) - low) / spacing - 1e-9).astype(int)
-    affine = np.diag([*spacing, 1.0])
-    affine[:3, 3] = low
-    return Volume(np.zeros(tuple(shape), dtype=np.uint8), affine)
+    return Volume.upright(np.asarray(low), spacing, np.ceil((np.asarray(high) - low) / spacing - 1e-9))

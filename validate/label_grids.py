@@ -6,7 +6,6 @@ person. Whether the answers agree is asked of ln G in its own stated standard de
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
@@ -21,7 +20,7 @@ from palpate.core.worker.progress import Progress, silent
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.imaging.grid import in_lps_order
 from palpate.imaging.volume import Volume
-from palpate.validate.sealed import run_alone
+from palpate.validate.sealed import run_program
 
 # By name: the voxels' edges, mm (None: the scan's own), and by which share of a voxel the grid is shifted.
 GRIDS: Mapping[str, tuple[tuple[float, float, float] | None, float]] = {
@@ -31,7 +30,7 @@ GRIDS: Mapping[str, tuple[tuple[float, float, float] | None, float]] = {
     "2 mm slices": ((1.2, 1.2, 2.0), 0.3),
     "3 mm slices": ((1.2, 1.2, 3.0), 0.0),
 }
-_COMMAND, LOG, _TIMEOUT_S = (sys.executable, "-m", "palpate.ui.cli"), "analysis.log", 3600.0
+LOG, _TIMEOUT_S = "analysis.log", 3600.0
 _STEPS = (("segment",), ("mesh",), ("identify", "--no-map", "--method", "gauss-newton"))
 # Runs one command of the program in a folder.
 Command = Callable[[Path, tuple[str, ...]], None]
@@ -124,11 +123,8 @@ def _nearest(labels: Volume, shape: FloatArray, affine: FloatArray) -> Volume:
     """Labels at the nearest of their voxels, on a grid of this shape (3,) and affine (4, 4)."""
     size = (int(shape[0]), int(shape[1]), int(shape[2]))
     grid = Volume(np.zeros(size, dtype=np.uint8), affine)
-    index = np.rint(labels.to_index(grid.to_lps(np.indices(size).reshape(3, -1).T.astype(float)))).astype(int)
-    inside = ((index >= 0) & (index < labels.array.shape)).all(axis=1)
-    out = np.zeros(len(index), dtype=np.uint8)
-    out[inside] = labels.array[tuple(index[inside].T)]
-    return grid.with_array(out.reshape(size))
+    found = labels.nearest(grid.to_lps(np.indices(size).reshape(3, -1).T.astype(float)))
+    return grid.with_array(found.astype(np.uint8).reshape(size))
 
 
 def _answered(case: CaseFolder, at: Path, grid: str, run: Command) -> CaseFolder | None:
@@ -159,4 +155,4 @@ def _on(scan: Volume, labels: Volume) -> Volume:
 
 
 def _alone(at: Path, words: tuple[str, ...]) -> None:
-    run_alone([*_COMMAND, *words, "--quiet", "--workers", "1"], at, LOG, _TIMEOUT_S)
+    run_program([*words, "--quiet", "--workers", "1"], at, LOG, _TIMEOUT_S)

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import json
 import subprocess
+import sys
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from palpate.case.case_folder import file_sha256
 from palpate.core.errors import Cancelled, InputError
@@ -120,6 +122,11 @@ class SealedStudy:
             temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 
+def run_program(words: Sequence[str], case: Path, log_name: str, timeout_s: float) -> None:
+    """A command of the program; see `run_alone`."""
+    run_alone([sys.executable, "-m", "palpate.ui.cli", *words], case, log_name, timeout_s)
+
+
 def run_alone(command: Sequence[str], case: Path, log_name: str, timeout_s: float) -> None:
     """Run a command in a case's folder, in a process of its own; what it says goes to log_name in the case.
 
@@ -133,3 +140,21 @@ def run_alone(command: Sequence[str], case: Path, log_name: str, timeout_s: floa
             return
     if ended.returncode == Cancelled.exit_code:
         raise Cancelled("a command of the study was stopped; run the study again to go on")
+
+
+Item = TypeVar("Item")
+
+
+def make_each(make: Callable[[Item], object], items: Sequence[Item], workers: int, progress: Progress) -> None:
+    """make(item) for all items. With more than one worker `make` and the items must be picklable. Raises what `make` raises."""
+    count = len(items)
+    if workers < 2:
+        for k, item in enumerate(items):
+            progress(k / count, f"making {k + 1} of {count}")
+            make(item)
+        return
+    with ProcessPoolExecutor(workers) as pool:
+        running = [pool.submit(make, item) for item in items]
+        for k, done in enumerate(as_completed(running)):
+            done.result()
+            progress((k + 1) / count, f"made {k + 1} of {count}")

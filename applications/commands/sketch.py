@@ -62,7 +62,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
         return _example(args)
     if not 2 <= len(args.keys) <= 6:
         raise UsageError("give two to six keyframes: palpate sketch KEY1 KEY2 KEY3 -o DIR")
-    from palpate.applications.sketch.pictures.files import write_sketch
+    from palpate.applications.sketch.pictures.frames import write_sketch
     from palpate.applications.sketch.run_sketch import run_sketch  # here, because VTK takes seconds to load
 
     with console.progress(NAME) as progress:

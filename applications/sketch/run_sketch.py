@@ -12,12 +12,12 @@ import numpy as np
 from palpate.applications.sketch.closing import closed
 from palpate.applications.sketch.drawings.drawing import Drawing, read_drawing
 from palpate.applications.sketch.extrude import mesh_figure
-from palpate.applications.sketch.figure import Figure, FigureOptions
+from palpate.applications.sketch.figure import Figure, FigureOptions, held_points
 from palpate.applications.sketch.fit import Fit, fit_keyframes
 from palpate.applications.sketch.fit_walk import FitOptions
-from palpate.applications.sketch.held import sides_that_stay
 from palpate.applications.sketch.matching import matched
 from palpate.applications.sketch.motion import Moving, animate
+from palpate.applications.sketch.outline import Outline
 from palpate.applications.sketch.residual import Target
 from palpate.applications.sketch.sides import SIDES
 from palpate.applications.sketch.sketch_options import SketchOptions
@@ -33,6 +33,9 @@ from palpate.core.worker.progress import Progress, part, silent
 _CELLS, _CELLS_OF_PARTS = 600, 1500
 # Steps along the observed rim, in figure sizes.
 _SPACING = 0.01
+# A side is held when this share of its rim (_MOST) lies within _STAYS of every keyframe's line, in figure sizes. Points
+# within _CORNER of a side that is held already are left out: they say nothing of the next side.
+_STAYS, _MOST, _CORNER = 0.02, 0.9, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,3 +112,14 @@ def triangles(figure: Figure) -> tuple[IntArray, IntArray]:
     faces, owner = mesh.boundary
     front = normals(mesh.points[faces])[:, 2] > 0.5
     return faces[front], mesh.regions[owner[front]]
+
+
+def sides_that_stay(rest: Outline, keys: Sequence[Outline]) -> tuple[str, ...]:
+    """Names of the sides of the first keyframe's box whose rim is in the same place in every other keyframe."""
+    stays: list[str] = []
+    for side in SIDES:
+        own = held_points(rest.points, rest, (side,)) & ~held_points(rest.points, rest, tuple(stays), _CORNER)
+        rim = rest.points[own]
+        if len(rim) and all((key.distances(rim) < _STAYS * rest.size).mean() > _MOST for key in keys):
+            stays.append(side)
+    return tuple(stays)

@@ -45,13 +45,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     if MESH.is_done(case, made_from) and SURFACES_FILE not in slim_files(case):
         kept: MeshReport = case.read_json("mesh.json")
         return kept
-    for state in ("rest", "deformed"):
-        if state == "deformed" and case.has("import.json") and holds_rest_alone(case):
-            raise InputError(
-                f"{case.path} contains only the scan at rest; `palpate plan` works on it, or import both scans"
-            )
-        if not case.has_labels(state):
-            raise InputError(f"{case.file(state + '.nii.gz')} is not there; run `palpate segment` or put labels there")
+    _require_labels(case)
     rest, deformed = case.labels("rest"), case.labels("deformed")
     offset = rigid_offset_in(case, deformed)
     if offset is not None:
@@ -81,6 +75,17 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     MESH.mark_done(case, made_from)
     progress(1.0, f"{len(meshed.mesh.cells)} cells")
     return report
+
+
+def _require_labels(case: CaseFolder) -> None:
+    """Raises InputError where a state has none."""
+    for state in ("rest", "deformed"):
+        if state == "deformed" and case.has("import.json") and holds_rest_alone(case):
+            raise InputError(
+                f"{case.path} contains only the scan at rest; `palpate plan` works on it, or import both scans"
+            )
+        if not case.has_labels(state):
+            raise InputError(f"{case.file(state + '.nii.gz')} is not there; run `palpate segment` or put labels there")
 
 
 def chosen(options: MeshOptions) -> dict[str, object]:

@@ -13,7 +13,10 @@ import numpy as np
 from palpate.core.arrays import FloatArray
 from palpate.core.fem.newton.newton import Equilibrium, NewtonOptions
 from palpate.core.fem.state import State
-from palpate.core.forward.make_scene import make_scene
+from palpate.core.forward.composition import Composition
+from palpate.core.forward.composition_scene import CompositionScene
+from palpate.core.forward.contact_force_scene import ContactForceScene
+from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.kept_fit import known_geometry
 from palpate.core.residual.state_models import quick_geometry
@@ -87,3 +90,13 @@ def _ready() -> ParticleSolver:
     if _SOLVER is None:
         raise RuntimeError("particles.initialise was not run in this process")
     return _SOLVER
+
+
+def make_scene(geometry: SharedGeometry, boundary: str) -> CompositionScene:
+    """boundary : "coupled" or "contact-force".
+
+    Raises InputError or ConvergenceError as the scene's class does.
+    """
+    if boundary == "contact-force":
+        return ContactForceScene(geometry)
+    return CompositionScene(geometry, Composition(geometry.problem))

@@ -13,8 +13,8 @@ from films import read_film
 from palpate.applications.drop import fall as drop_step
 from palpate.applications.drop import film as drop_film
 from palpate.applications.drop.canvas import Canvas, slower
+from palpate.applications.drop.fallen import stage_of
 from palpate.applications.drop.stage import DropStage
-from palpate.applications.drop.words import stage_of
 from palpate.applications.dynamics.drop import DropOptions, dish_for
 from palpate.applications.film import write_film
 from palpate.case.case_folder import CaseFacts, CaseFolder

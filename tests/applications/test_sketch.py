@@ -9,11 +9,11 @@ from palpate.applications.sketch.closing import closed
 from palpate.applications.sketch.figure import Figure, FigureOptions
 from palpate.applications.sketch.fit import fit_degree, fit_keyframes
 from palpate.applications.sketch.fit_walk import FitOptions
-from palpate.applications.sketch.held import sides_that_stay
 from palpate.applications.sketch.matching import matched
 from palpate.applications.sketch.motion import MotionOptions, animate
 from palpate.applications.sketch.outline import Outline, hausdorff
 from palpate.applications.sketch.residual import Target, residual_of
+from palpate.applications.sketch.run_sketch import sides_that_stay
 from palpate.applications.sketch.swarm_fit import SwarmFitOptions, swarm_fit
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box, with_regions

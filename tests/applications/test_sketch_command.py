@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw
 
 from palpate.applications.sketch.motion import MotionOptions
 from palpate.applications.sketch.pictures.example import letter_loops, write_example
-from palpate.applications.sketch.pictures.files import write_sketch
+from palpate.applications.sketch.pictures.frames import write_sketch
 from palpate.applications.sketch.run_sketch import run_sketch
 from palpate.applications.sketch.sketch_options import SketchOptions
 from palpate.ui.cli.main import main

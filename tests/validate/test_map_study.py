@@ -16,7 +16,7 @@ from palpate.core.identify.map.patches import Patches
 from palpate.core.identify.map.stiffness_map import StiffnessMap
 from palpate.ui.cli.arguments import UsageError
 from palpate.ui.cli.commands.validate import STUDIES
-from palpate.ui.pictures.studies.map import study_map
+from palpate.ui.pictures.studies.intervals import study_map
 from palpate.validate.stiffness_map.case_map import CaseMap
 from palpate.validate.stiffness_map.records import MapStudyOptions
 from palpate.validate.stiffness_map.solved import Focus, OtherBody

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from palpate.validate.forward.random_scenes import ELEMENT_SHARES, random_scene
-from palpate.validate.forward.robustness import RobustnessOptions, robustness
-from palpate.validate.forward.scene_log import append_rows, read_rows
+from palpate.validate.forward.robustness import RobustnessOptions, append_rows, read_rows, robustness
 
 
 @pytest.mark.nightly

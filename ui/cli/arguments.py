@@ -7,7 +7,11 @@ import re
 from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
-from typing import NoReturn, TypeVar
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+
+if TYPE_CHECKING:
+    from palpate.case.case_folder import CaseFolder
+
 
 N = TypeVar("N", int, float)
 # What `--image` does, and when it is done unasked.
@@ -15,11 +19,7 @@ IMAGE_HELP = "use the motion that the two CTs' images show, beside the contours 
 
 
 class UsageError(Exception):
-    """The command line cannot be understood (exit 2). usage : the form it must have."""
-
-    def __init__(self, message: str, usage: str = "") -> None:
-        super().__init__(message)
-        self.usage = usage
+    """The command line cannot be understood (exit 2)."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -131,6 +131,15 @@ def has_case(args: argparse.Namespace) -> None:
     from palpate.case.case_files import require_case  # here, so that the list of options needs no library
 
     require_case(args.case)
+
+
+def case_of(args: argparse.Namespace) -> CaseFolder:
+    """CASE of a command that takes no points. Raises UsageError where one was given, InputError where CASE is no case folder."""
+    no_points(args)
+    has_case(args)
+    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+
+    return CaseFolder(args.case)
 
 
 def add_roi(parent: argparse._ActionsContainer, words: str) -> None:

@@ -68,11 +68,11 @@ class Console:
         elif not self.quiet:
             print(text)
 
-    def error(self, message: str, exit_code: int, usage: str = "", facts: Mapping[str, object] | None = None) -> None:
+    def error(self, message: str, exit_code: int, facts: Mapping[str, object] | None = None) -> None:
         """One line on standard error; with --json the same, and what was found before, as an object on standard output."""
         if self.as_json:
             print(_as_json({**(facts or {}), "error": message, "exit_code": exit_code}))
-        print(f"{usage}palpate: {message}", file=sys.stderr)
+        print(f"palpate: {message}", file=sys.stderr)
 
 
 def _as_json(data: Mapping[str, object]) -> str:

@@ -80,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         console.error(one_line(str(error)), error.exit_code, facts=error.facts)
         return error.exit_code
     except UsageError as error:
-        console.error(one_line(str(error)), 2, error.usage)
+        console.error(one_line(str(error)), 2)
         return 2
     except OSError as error:
         console.error(_os_error(error), 3)

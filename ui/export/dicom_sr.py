@@ -21,7 +21,7 @@ from palpate.ui.dicom import codes as own
 from palpate.ui.dicom.label_segments import label_segmentation
 from palpate.ui.dicom.making import MANUFACTURER, MODEL, Making, making, save, version
 from palpate.ui.dicom.source import read_source
-from palpate.ui.report.measured.regions import MeasuredRegion
+from palpate.ui.report.measured_regions import MeasuredRegion
 from palpate.ui.report.record import CaseRecord, read_record
 from palpate.ui.report.regions import RegionStiffness
 

@@ -9,10 +9,8 @@ from palpate.case.labels_on_scan import bones_on_scan, labels_on_scan
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.contours.itksnap_labels import label_description
 from palpate.imaging.contours.itksnap_workspace import LABEL_LAYER, MAIN, OVERLAY, Layer, workspace_text
-from palpate.imaging.contours.nifti_labels import write_nifti
 from palpate.imaging.labels import BONE_PART_COLOURS, BONE_PARTS
-from palpate.imaging.volume import Volume
-from palpate.ui.export.stiffness import stiffness_volume
+from palpate.ui.export.stiffness import stiffness_volume, written_nifti
 
 WRITES = "NIfTI: scans, label volumes, bones, stiffness in kPa; labels.txt, bones.txt; a workspace of each scan with all of it"
 _STIFFNESS = "stiffness_kpa.nii.gz"
@@ -27,16 +25,16 @@ def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
     sizes: dict[str, tuple[int, ...]] = {}
     for state in STATES:
         if case.has_labels(state):
-            written.append(_write(folder / f"{state}_labels.nii.gz", labels_on_scan(case, state, tissue)))
+            written.append(written_nifti(folder / f"{state}_labels.nii.gz", labels_on_scan(case, state, tissue)))
         bones = bones_on_scan(case, state)
         if bones is not None:
-            written.append(_write(folder / f"{state}_bones.nii.gz", bones))
+            written.append(written_nifti(folder / f"{state}_bones.nii.gz", bones))
         if case.has(f"{state}_ct"):
             ct = case.ct(state)
             sizes[state] = ct.array.shape
-            written.append(_write(folder / f"{state}_ct.nii.gz", ct))
+            written.append(written_nifti(folder / f"{state}_ct.nii.gz", ct))
     if case.has("result.json"):
-        written.append(_write(folder / _STIFFNESS, stiffness_volume(case)))
+        written.append(written_nifti(folder / _STIFFNESS, stiffness_volume(case)))
     texts = {"labels.txt": label_description()}
     if any(path.name.endswith("_bones.nii.gz") for path in written):
         texts["bones.txt"] = label_description(BONE_PARTS, BONE_PART_COLOURS)
@@ -58,9 +56,3 @@ def _layers(state: str, folder: Path, written: list[Path]) -> list[Layer]:
     if state == "rest":
         wanted.append(Layer(folder / _STIFFNESS, OVERLAY, "G, kPa (research use only)", "Jet", 0.4))
     return [layer for layer in wanted if layer.path in written]
-
-
-def _write(path: Path, volume: Volume) -> Path:
-    with atomic_path(path) as temporary:
-        write_nifti(temporary, volume)
-    return path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import SimpleITK as sitk
 
 from palpate.case.case_folder import STATES, CaseFolder
@@ -13,10 +14,11 @@ from palpate.imaging.contours.seg_nrrd import write_seg_nrrd
 from palpate.imaging.labels import BONE_PART_COLOURS, BONE_PARTS
 from palpate.imaging.volume import Volume
 from palpate.ui.export.stiffness import stiffness_volume
-from palpate.ui.pictures.colours import STIFFNESS_SCALE
-from palpate.ui.pictures.slicer_colours import colour_table
+from palpate.ui.pictures.colours import STIFFNESS_LABEL, STIFFNESS_SCALE, StiffnessScale
 
 WRITES = "NRRD: scans, labels and bones as .seg.nrrd, stiffness in kPa with its colour table"
+# Colours of the table: so many that a step is not seen at the soft end of the logarithmic scale.
+COUNT = 2048
 
 
 def export(case: CaseFolder, folder: Path, tissue: bool = False) -> list[Path]:
@@ -48,3 +50,14 @@ def _write(path: Path, volume: Volume) -> Path:
     with atomic_path(path) as temporary:
         sitk.WriteImage(volume.to_sitk(), str(temporary), useCompression=True)
     return path
+
+
+def colour_table(scale: StiffnessScale) -> str:
+    """The text of a colour file (.ctbl): a line a colour, evenly over the range that its head names, each called by its kPa."""
+    values = np.linspace(scale.low, scale.high, COUNT)
+    head = [f"# {STIFFNESS_LABEL}", f"# low_kpa {scale.low!r}", f"# high_kpa {scale.high!r}"]
+    lines = []
+    for index, value in enumerate(values):
+        r, g, b = (round(255 * channel) for channel in scale.rgb(float(value)))
+        lines.append(f"{index} {value:.4g}_kPa {r} {g} {b} 255")
+    return "\n".join([*head, *lines, ""])

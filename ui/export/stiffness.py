@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import identified_regions
 from palpate.case.labels_on_scan import labels_on_scan
+from palpate.core.files.atomic import atomic_path
+from palpate.imaging.contours.nifti_labels import write_nifti
 from palpate.imaging.labels import LABEL_VALUES
 from palpate.imaging.volume import Volume
 
@@ -52,3 +56,10 @@ def near_organ(G: Volume) -> Volume:
     affine = G.affine.copy()
     affine[:3, 3] = G.to_lps(np.array([[0.0, 0.0, first]]))[0]
     return Volume(G.array[:, :, first:last], affine)
+
+
+def written_nifti(path: Path, volume: Volume) -> Path:
+    """Writes a volume, whole or not at all; returns its path. Raises InputError where it cannot."""
+    with atomic_path(path) as temporary:
+        write_nifti(temporary, volume)
+    return path

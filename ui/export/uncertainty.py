@@ -13,12 +13,10 @@ from palpate.case.identified import read_result
 from palpate.case.labels_on_scan import labels_on_scan
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.errors import InputError
-from palpate.core.files.atomic import atomic_path
 from palpate.core.identify.map.stiffness_map import called_at, nearest_patch, painted
-from palpate.imaging.contours.nifti_labels import write_nifti
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
-from palpate.ui.export.stiffness import interval_volumes
+from palpate.ui.export.stiffness import interval_volumes, written_nifti
 
 WRITES = "NIfTI: each half's 95 % limits in kPa, and the smooth map with its factor and where the scans determine it"
 _MAP = "identify/stiffness_map.npz"
@@ -42,7 +40,7 @@ def export(case: CaseFolder, folder: Path) -> list[Path]:
         raise InputError(
             f"{case.file('result.json')} gives no interval and there is no map; run `palpate identify` again"
         )
-    return [_write(folder / f"{name}.nii.gz", volume) for name, volume in volumes.items()]
+    return [written_nifti(folder / f"{name}.nii.gz", volume) for name, volume in volumes.items()]
 
 
 def _map(labels: Volume, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str, Volume]:
@@ -62,9 +60,3 @@ def _map(labels: Volume, arrays: Mapping[str, NDArray[np.generic]]) -> dict[str,
         "map_told": volume(lambda at, half: painted(arrays, at, half)[1], np.uint8),
         "map_called": volume(lambda at, half: called_at(arrays, at, half), np.int8),
     }
-
-
-def _write(path: Path, volume: Volume) -> Path:
-    with atomic_path(path) as temporary:
-        write_nifti(temporary, volume)
-    return path

@@ -16,14 +16,11 @@ from matplotlib.figure import Figure
 from palpate.core.arrays import BoolArray, FloatArray, LabelArray
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
-from palpate.ui.pictures.planes import PLANES, Plane, Window
+from palpate.ui.pictures.planes import Plane, Window
 from palpate.ui.pictures.slice_axes import (
     LETTER_FONT,
-    ORGAN,
     SCALE_BAR_MM,
-    WALLS,
-    draw_background,
-    draw_outlines,
+    outlined_planes,
     spread_out,
 )
 
@@ -71,9 +68,7 @@ def residual_views(maps: Mapping[str, FloatArray]) -> Figure:
     for ax, view in zip(axes, VIEWS, strict=True):
         _seen_from(ax, view, maps, norm)
         _frame(ax, view.across[1] * middle[view.across[0]], middle[2], half)
-    bar = figure.colorbar(ScalarMappable(norm, _RESIDUAL), ax=axes, shrink=0.8, extend="both")
-    bar.set_label("predicted \N{MINUS SIGN} seen (sd)", fontsize=TEXT)
-    bar.ax.tick_params(labelsize=TEXT)
+    _bar(figure, axes, ScalarMappable(norm, _RESIDUAL), "predicted \N{MINUS SIGN} seen (sd)", "both")
     return figure
 
 
@@ -82,18 +77,13 @@ def force_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
 
     maps : nodes (k, 3) mm, force_kpa_per_mm (k, 3). Shown in N/cm3, which is kPa/mm.
     """
-    figure = Figure(figsize=(PAGE_INCHES, 3.4), layout="constrained")
-    axes = list(figure.subplots(1, 3))
+    figure, shown = outlined_planes(images, 3.4)
     size = np.linalg.norm(maps["force_kpa_per_mm"], axis=1)
     norm = Normalize(0.0, max(float(size.max(initial=0.0)), 1e-9))
-    for ax, plane in zip(axes, PLANES, strict=True):
-        window = images.window(plane)
-        draw_background(ax, images, plane, window)
-        draw_outlines(ax, images, plane, window, (ORGAN, *WALLS))
+    for ax, plane, window in shown:
         _arrows(ax, plane, window, maps, norm)
-    bar = figure.colorbar(ScalarMappable(norm, _FORCE), ax=axes, shrink=0.8)
-    bar.set_label("missing force (N/cm\N{SUPERSCRIPT THREE})", fontsize=TEXT)
-    bar.ax.tick_params(labelsize=TEXT)
+    axes = [ax for ax, _, _ in shown]
+    _bar(figure, axes, ScalarMappable(norm, _FORCE), "missing force (N/cm\N{SUPERSCRIPT THREE})", "neither")
     return figure
 
 
@@ -103,15 +93,11 @@ def motion_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
     maps : motion/places (w, 3) mm, motion/residual_mm (w, 3), motion/standardised (w, 3). Arrows are `LONGER` times as long as the
     residual; their colour is its size in standard deviations, rms over the axes.
     """
-    figure = Figure(figsize=(PAGE_INCHES, 3.4), layout="constrained")
-    axes = list(figure.subplots(1, 3))
+    figure, shown = outlined_planes(images, 3.4)
     norm = Normalize(0.0, _LIMIT_SD)
     places, missed = maps["motion/places"], maps["motion/residual_mm"]
     size = size_in_sd(maps["motion/standardised"])
-    for ax, plane in zip(axes, PLANES, strict=True):
-        window = images.window(plane)
-        draw_background(ax, images, plane, window)
-        draw_outlines(ax, images, plane, window, (ORGAN, *WALLS))
+    for ax, plane, window in shown:
         near = _near(plane, window, places)
         if near.any():
             at, mean = _binned(places[near][:, [plane.across, plane.down]], np.column_stack([missed, size])[near])
@@ -119,10 +105,15 @@ def motion_planes(images: CaseImages, maps: Mapping[str, FloatArray]) -> Figure:
                 at[:, 0], at[:, 1], mean[:, plane.across], mean[:, plane.down], mean[:, 3], cmap=_MOTION, norm=norm, angles="xy",
                 scale_units="xy", scale=1.0 / LONGER, width=0.008,
             )  # fmt: skip
-    bar = figure.colorbar(ScalarMappable(norm, _MOTION), ax=axes, shrink=0.8, extend="max")
-    bar.set_label("predicted \N{MINUS SIGN} matched (sd)", fontsize=TEXT)
-    bar.ax.tick_params(labelsize=TEXT)
+    axes = [ax for ax, _, _ in shown]
+    _bar(figure, axes, ScalarMappable(norm, _MOTION), "predicted \N{MINUS SIGN} matched (sd)", "max")
     return figure
+
+
+def _bar(figure: Figure, axes: list[Axes], colours: ScalarMappable, words: str, extend: str) -> None:
+    bar = figure.colorbar(colours, ax=axes, shrink=0.8, extend=extend)
+    bar.set_label(words, fontsize=TEXT)
+    bar.ax.tick_params(labelsize=TEXT)
 
 
 def size_in_sd(standardised: FloatArray) -> FloatArray:

@@ -10,9 +10,9 @@ from matplotlib.lines import Line2D
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.matched_motion import MatchedMotion
 from palpate.ui.pictures.images import CaseImages
-from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
-from palpate.ui.pictures.planes import PLANES, Plane, Window
-from palpate.ui.pictures.slice_axes import ORGAN, WALLS, draw_background, draw_outlines
+from palpate.ui.pictures.lettering import TEXT
+from palpate.ui.pictures.planes import Plane, Window
+from palpate.ui.pictures.slice_axes import outlined_planes
 
 # Points within this distance of a slice are shown on it, mm.
 SLAB_MM = 4.0
@@ -24,11 +24,8 @@ def motion_planes(images: CaseImages, matched: MatchedMotion) -> Figure:
 
     Of a motion that an image tells in some directions only, the rest is the model's prediction.
     """
-    figure = Figure(figsize=(PAGE_INCHES, 3.5), layout="constrained")
-    for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True):
-        window = images.window(plane)
-        draw_background(axes, images, plane, window)
-        draw_outlines(axes, images, plane, window, (ORGAN, *WALLS))
+    figure, shown = outlined_planes(images, 3.5)
+    for axes, plane, window in shown:
         _arrows(axes, plane, window, matched.points, matched.moved)
         bad = matched.rejected[_near(plane, window, matched.rejected[:, :3])]
         axes.plot(bad[:, plane.across], bad[:, plane.down], "x", color=_REJECTED, markersize=3.5, markeredgewidth=0.9)

@@ -13,8 +13,8 @@ from matplotlib.patheffects import withStroke
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.ui.pictures.colours import OUTLINES, STIFFNESS_SCALE
 from palpate.ui.pictures.images import CaseImages, grey, stiffness_slice
-from palpate.ui.pictures.lettering import TEXT
-from palpate.ui.pictures.planes import Plane, Slice, Window, reached, share_of_label
+from palpate.ui.pictures.lettering import PAGE_INCHES, TEXT
+from palpate.ui.pictures.planes import PLANES, Plane, Slice, Window, reached, share_of_label
 
 SCALE_BAR_MM = 20.0
 # Its I has serifs: without them it is a stroke like any other.
@@ -39,6 +39,16 @@ class Outline:
 ORGAN = Outline("organ", ORGAN_LABELS, divided=True)
 WALLS = (Outline("bladder", (BLADDER,)), Outline("rectum", (RECTUM,)))
 BONES = Outline("bone", (BONE,))
+
+
+def outlined_planes(images: CaseImages, inches: float) -> tuple[Figure, list[tuple[Axes, Plane, Window]]]:
+    """A figure of that height, and in it an axial, a sagittal and a coronal slice at rest, organ and walls outlined."""
+    figure = Figure(figsize=(PAGE_INCHES, inches), layout="constrained")
+    shown = [(axes, plane, images.window(plane)) for axes, plane in zip(figure.subplots(1, 3), PLANES, strict=True)]
+    for axes, plane, window in shown:
+        draw_background(axes, images, plane, window)
+        draw_outlines(axes, images, plane, window, (ORGAN, *WALLS))
+    return figure, shown
 
 
 def draw_background(axes: Axes, images: CaseImages, plane: Plane, window: Window) -> None:

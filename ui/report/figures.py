@@ -6,23 +6,26 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
 
 from palpate.case.case_folder import CaseFolder
 from palpate.case.identified import map_arrays
-from palpate.case.meshed import load_surfaces
+from palpate.case.meshed import ORGAN_NAME, load_surfaces
+from palpate.core.arrays import FloatArray
 from palpate.core.worker.progress import Progress
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures import slices, solids
 from palpate.ui.pictures.images import CaseImages
 from palpate.ui.pictures.map_planes import Arrays, map_planes
-from palpate.ui.pictures.offscreen import OffscreenError
+from palpate.ui.pictures.offscreen import OffscreenError, polydata
 from palpate.ui.pictures.published_scale import published_scale
+from palpate.ui.pictures.solids import MisfitMap
 from palpate.ui.report.document import Interactive, Picture
 from palpate.ui.report.first_page import scale_caption, scale_rows
 from palpate.ui.report.gap_section import gap_pictures
 from palpate.ui.report.map_words import map_caption
-from palpate.ui.report.misfit_map import misfit_map
 from palpate.ui.report.motion_section import motion_pictures
 from palpate.ui.report.moving import moving_view
 from palpate.ui.report.record import CaseRecord
@@ -45,6 +48,8 @@ _MISFIT_CAPTION = (
     "The table above has its rms and its 95 % over the same points. Black lines in the colour bar: what the contours' own error "
     "would leave (one standard deviation)."
 )
+# Points lie some two millimetres apart: a mean over about that shows every patch of theirs and no facets.
+_NEAREST, _REACH_MM = 16, 2.0
 
 
 @dataclass(frozen=True)
@@ -160,3 +165,30 @@ def _add_or_missing(
         figures.add(name, folder, drawn(), caption, says)
     except OffscreenError as error:
         figures.missing.append(f"{what}, because {error}")
+
+
+def misfit_map(case: CaseFolder, noise_mm: float | None) -> MisfitMap:
+    """The organ's smooth surface moved as identified, and the signed distance from the deformed scan's surface.
+
+    The distance is that of the points at which the surface was compared, so that a picture shows what the table says: the
+    corners of the mesh lie up to two millimetres off a surface that bends between them.
+    """
+    fields = case.read_npz("identify/fields.npz")
+    at, move = fields["surface_points"], fields["surface_displacement"]
+    target = load_surfaces(case, "deformed")[ORGAN_NAME]
+    seen = polydata(target.points, target.faces)
+    distance = np.asarray(
+        polydata(at + move, np.zeros((0, 3), dtype=np.int64)).compute_implicit_distance(seen)["implicit_distance"]
+    )
+    organ = load_surfaces(case, "rest")[ORGAN_NAME]
+    spread = _spread(at, np.column_stack([move, distance]), organ.points)
+    return MisfitMap(organ.points + spread[:, :3], organ.faces, spread[:, 3], noise_mm, float(np.abs(distance).max()))
+
+
+def _spread(at: FloatArray, values: FloatArray, points: FloatArray) -> FloatArray:
+    """Values (q, k) at places (q, 3) carried to points (n, 3): means of the nearest, weighed by their distance."""
+    count = min(_NEAREST, len(at))
+    far, near = cKDTree(at).query(points, k=range(1, count + 1))
+    weight = 1.0 / (far**2 + _REACH_MM**2)
+    weight /= weight.sum(axis=1, keepdims=True)
+    return np.asarray((weight[:, :, None] * values[near]).sum(axis=1), dtype=np.float64)

@@ -29,7 +29,7 @@ from palpate.core.matched_motion import MatchedMotion
 from palpate.imaging.labels import LABELS
 from palpate.imaging.volume import Volume
 from palpate.segmentation.propagation import METHOD as PROPAGATED
-from palpate.ui.report.measured.regions import MeasuredRegion, measured_regions
+from palpate.ui.report.measured_regions import MeasuredRegion, measured_regions
 from palpate.ui.report.regions import RegionStiffness, regions_of
 
 T = TypeVar("T")

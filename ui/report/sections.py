@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from msgspec import UNSET
 
@@ -14,7 +14,7 @@ from palpate.ui.report.gap_section import gap_section
 from palpate.ui.report.motion_section import motion_section
 from palpate.ui.report.quality import Volumes, quality
 from palpate.ui.report.record import CaseRecord
-from palpate.ui.report.stiffness_section import limits, stiffness_section
+from palpate.ui.report.stiffness_section import limits, shown, stiffness_section
 from palpate.ui.report.summary import first_sentences, headline, summary
 from palpate.ui.report.trust import trust_box
 from palpate.ui.words.number_words import three_figures
@@ -45,13 +45,13 @@ def document(
 
 def _summary(record: CaseRecord, pictures: Mapping[str, Picture]) -> list[Block]:
     """The first page: what was found in a sentence, how sure it is and why, and one picture with its scale."""
-    return [Paragraph(headline(record), "lead"), trust_box(record), *_shown(pictures, "stiffness_planes")]
+    return [Paragraph(headline(record), "lead"), trust_box(record), *shown(pictures, "stiffness_planes")]
 
 
 def _particulars(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
     """What was scanned, what the values stand on, what is missing, and published values."""
     rest = [Paragraph(text) for text in summary(record)[len(first_sentences(record)) :]]
-    blocks = [*minute(record), *rest, Paragraph(limits(record)), *_shown(pictures, "published")]
+    blocks = [*minute(record), *rest, Paragraph(limits(record)), *shown(pictures, "published")]
     return Section("Basis of the result", blocks)
 
 
@@ -77,7 +77,7 @@ def _fit(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
         rows.append(("rms distance that this noise alone would leave", f"{expected:.2f} mm"))
     blocks: list[Block] = [
         Table(("distance of surfaces", ""), rows),
-        *_shown(pictures, "deformation_planes", "misfit"),
+        *shown(pictures, "deformation_planes", "misfit"),
     ]
     return Section("Fit", blocks)
 
@@ -108,7 +108,3 @@ def _command(entry: Entry) -> str:
     """As it would be typed again, its paths called what the help calls them."""
     typed = " ".join(text for text in ("palpate", entry.get("command", ""), entry.get("options", "")) if text)
     return f"{typed} ({entry['date']})" if "date" in entry else typed
-
-
-def _shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
-    return [pictures[name] for name in names if name in pictures]

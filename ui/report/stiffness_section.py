@@ -8,7 +8,7 @@ from palpate.core.files.json_types import known
 from palpate.ui.report.document import Block, Bullets, Paragraph, Picture, Section, Table
 from palpate.ui.report.figures import Figures
 from palpate.ui.report.map_words import told_places
-from palpate.ui.report.measured.table import lines_table, measured_table
+from palpate.ui.report.measured_regions import lines_table, measured_table
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness, in_words
 from palpate.ui.words.number_words import three_figures
@@ -57,7 +57,7 @@ def stiffness_section(record: CaseRecord, figures: Figures) -> Section:
         Paragraph("What this pair determines:"),
         Bullets(told(record.result.identifiability.verdict, record.result.parameters)),
         *_places(record),
-        *_shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
+        *shown(figures.pictures, "stiffness_series", "anatomy", "stiffness_map"),
         *measured_table(record.measured),
         *lines_table(record.lines),
         *figures.interactive,
@@ -100,5 +100,6 @@ def _row(region: RegionStiffness, with_mu: bool) -> tuple[str, ...]:
     return region.words, three_figures(region.G), sd, ci, *mu, note
 
 
-def _shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
+def shown(pictures: Mapping[str, Picture], *names: str) -> Sequence[Picture]:
+    """Those of the pictures that there are."""
     return [pictures[name] for name in names if name in pictures]

@@ -11,7 +11,7 @@ from typing import NotRequired, TypedDict
 
 from palpate.core.errors import InputError
 from palpate.core.worker.executors import one_thread
-from palpate.core.worker.progress import Progress, silent
+from palpate.core.worker.progress import Progress, part, silent
 from palpate.validate.bench.contender import ContenderSpec
 from palpate.validate.bench.environment import IDENTIFYING, default_folder, find_identifying_peers, find_peers
 from palpate.validate.bench.equilibrium import EquilibriumTable, Row, scenes
@@ -84,15 +84,15 @@ def run_bench(options: BenchOptions | None = None, progress: Progress = silent) 
     with tempfile.TemporaryDirectory(prefix="palpate-bench-") as name, one_thread():
         folder = Path(name)
         if "equilibrium" in options.parts:
-            table |= _equilibria(options, folder, _share(progress, 0.0, 0.6))
+            table |= _equilibria(options, folder, part(progress, 0.0, 0.6))
         if "scaling" in options.parts:
-            table["scaling"] = scaling(options, folder, _share(progress, 0.6, 0.8))
+            table["scaling"] = scaling(options, folder, part(progress, 0.6, 0.8))
         if "reduced_model" in options.parts:
-            table["reduced_model"] = reduced_study(options, _share(progress, 0.8, 0.9))
+            table["reduced_model"] = reduced_study(options, part(progress, 0.8, 0.9))
         if "identification" in options.parts:
-            table["identification"] = _identification(options, folder, _share(progress, 0.9, 0.95))
+            table["identification"] = _identification(options, folder, part(progress, 0.9, 0.95))
     if "workers" in options.parts:
-        table["workers"] = worker_scaling(options, _share(progress, 0.95, 1.0))
+        table["workers"] = worker_scaling(options, part(progress, 0.95, 1.0))
     if "steps" in options.parts:
         with tempfile.TemporaryDirectory(prefix="palpate-bench-") as name:
             table["steps"] = step_costs(Path(name), progress)
@@ -140,10 +140,6 @@ def _refuse_absent_peers(
             raise InputError(
                 f"{name} was asked for and has no element {' or '.join(sorted(elements))}; choose --element p1"
             )
-
-
-def _share(progress: Progress, start: float, end: float) -> Progress:
-    return lambda fraction, message: progress(start + (end - start) * fraction, message)
 
 
 def machine() -> Processor:

@@ -85,3 +85,6 @@ class Diagnosis(TypedDict):
     stiffness: BothStiffnesses
     shrinkage: Shrinkage | None
     where: Where
+
+
+Pair = tuple[Truth, Diagnosis | None]

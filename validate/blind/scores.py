@@ -9,10 +9,9 @@ import numpy as np
 from scipy.stats import kstest
 
 from palpate.core.statistics import rms
-from palpate.validate.blind.case_rows import case_row, confusion
-from palpate.validate.blind.effect_rows import by_effect, shown_floors
 from palpate.validate.blind.noise_floor import noise_floor_mm
-from palpate.validate.blind.records import Diagnosis, Truth
+from palpate.validate.blind.records import Diagnosis, Pair, Truth
+from palpate.validate.blind.rows import MOST, by_effect, case_row, confusion, shown_floors
 from palpate.validate.blind.score_table import (
     LargeEffects,
     LargeOutside,
@@ -20,9 +19,8 @@ from palpate.validate.blind.score_table import (
     Scores,
     ShrinkageScore,
 )
-from palpate.validate.blind.stiffness_scores import TWO_SIDED_95, Pair, bias_ratio, coverage, errors, ln_G_error
+from palpate.validate.blind.stiffness_scores import TWO_SIDED_95, bias_ratio, coverage, errors, ln_G_error
 
-_MOST = 3
 # What the two stiffnesses leave of an effect that the shared cases call identifiable, rms mm.
 IDENTIFIABLE_MM = 0.3
 
@@ -42,7 +40,7 @@ def scores(pairs: Sequence[Pair]) -> Scores:
         "failed": sum(found is None for _, found in pairs),
         "gave_place": dict(Counter("+".join(t["instead_of"]) for t, _ in pairs if t.get("instead_of"))),
         "top1": _rate(single, lambda t, d: d["verdict"] == t["effects"][0]),
-        "in_candidates": _rate(single, lambda t, d: t["effects"][0] in d["candidates"][:_MOST]),
+        "in_candidates": _rate(single, lambda t, d: t["effects"][0] in d["candidates"][:MOST]),
         "missed": _rate(single, lambda t, d: d["verdict"] == "none"),
         "false_alarms": None if not none else 1.0 - (_rate(none, lambda t, d: d["verdict"] == "none") or 0.0),
         "nothing_hidden": _nothing_hidden(none),
@@ -126,7 +124,7 @@ def _large(pairs: Sequence[Pair]) -> dict[str, LargeEffects]:
         out[name] = {
             "cases": len(few),
             "top1": _rate(few, lambda t, d: d["verdict"] == t["effects"][0]),
-            "in_candidates": _rate(few, lambda t, d: t["effects"][0] in d["candidates"][:_MOST]),
+            "in_candidates": _rate(few, lambda t, d: t["effects"][0] in d["candidates"][:MOST]),
         }
     return out
 

@@ -8,10 +8,9 @@ from typing import Literal
 import numpy as np
 
 from palpate.core.statistics import rms
-from palpate.validate.blind.records import Diagnosis, Modulus, Truth
+from palpate.validate.blind.records import Modulus, Pair, Truth
 from palpate.validate.blind.score_table import StiffnessError
 
-Pair = tuple[Truth, Diagnosis | None]
 Which = Literal["without_effect", "with_effect"]
 TWO_SIDED_95 = 1.96
 

@@ -25,9 +25,8 @@ from palpate.validate.blind.records import Diagnosis, Truth
 from palpate.validate.blind.score_table import Scores
 from palpate.validate.blind.scores import scores
 from palpate.validate.blind.simulator.strength import Hopeless, TooWeak
-from palpate.validate.making import make_each
 from palpate.validate.sealed import Kind as SealedKind
-from palpate.validate.sealed import SealedStudy, run_alone
+from palpate.validate.sealed import SealedStudy, make_each, run_alone
 
 # A deformation that has no equilibrium is tried again with walls that move less, so many times easier.
 _EASIER = (0, 2, 4)
@@ -83,7 +82,7 @@ def _made(recipe: Recipe, folder: Path) -> None:
     for _ in range(_EFFECTS):
         for _ in range(_PATIENTS):
             try:
-                _made_of(recipe, folder)
+                make_moving_less(recipe, folder)
                 return
             except Hopeless:
                 break
@@ -92,8 +91,8 @@ def _made(recipe: Recipe, folder: Path) -> None:
         recipe = instead(recipe)
 
 
-def _made_of(recipe: Recipe, folder: Path) -> None:
-    """This patient, its walls moved as little as need be. Raises as `make_case`."""
+def make_moving_less(recipe: Recipe, folder: Path) -> None:
+    """The case and answer of a recipe in their folders, its walls moved as little as need be. Raises as `make_case`."""
     case = folder / "cases" / recipe.name
     for k in _EASIER:
         shutil.rmtree(case, ignore_errors=True)  # of a run that was stopped while it made this one

@@ -14,17 +14,16 @@ from palpate.case.case_folder import CaseFolder
 from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.labels import LABELS, ORGAN_LABELS
-from palpate.validate.blind.cases import make_case
 from palpate.validate.blind.recipe import Recipe
-from palpate.validate.blind.recipes import another, easier, recipe_of
+from palpate.validate.blind.recipes import another, recipe_of
 from palpate.validate.blind.simulator.effects import LIBRARY, SIZES
-from palpate.validate.calibration.effect_free import VOXEL_MM, solved_states
+from palpate.validate.blind.study import make_moving_less
 from palpate.validate.calibration.records import CalibrationOptions, CalibrationTruth
-from palpate.validate.calibration.simulators import SIMULATORS
+from palpate.validate.calibration.simulators import SIMULATORS, VOXEL_MM, solved_states
 from palpate.validate.simulated.contour_noise import STATES, ContourNoise, errors_of
 
-# The only simulator that can hide something; patients that are looked at for one that can be made; shares of the walls' motion tried.
-_HIDES, _PATIENTS, _EASIER = "blind", 6, (0, 2, 4)
+# The only simulator that can hide something; patients that are looked at for one that can be made.
+_HIDES, _PATIENTS = "blind", 6
 # Of the standard deviation that case.json states over the true one, the logarithm's standard deviation.
 _MISSTATED = 0.2
 
@@ -76,14 +75,12 @@ def _hiding(
 
 
 def _made(recipe: Recipe, folder: Path) -> bool:
-    """This patient, its walls moved as little as need be."""
-    for k in _EASIER:
-        try:
-            make_case(easier(recipe, k), folder / "cases" / recipe.name, folder / "answers", folder / "meshes")
-            return True
-        except (ConvergenceError, InputError):
-            shutil.rmtree(folder / "cases" / recipe.name, ignore_errors=True)
-    return False
+    """Whether this patient could be made."""
+    try:
+        make_moving_less(recipe, folder)
+    except (ConvergenceError, InputError):
+        return False
+    return True
 
 
 def _plain(

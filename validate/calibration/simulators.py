@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.mesh import TetMesh
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.meshing.mesh_labels import MeshedCase, MeshOptions, mesh_labels
@@ -35,6 +36,8 @@ from palpate.validate.simulated.two_states import TwoStates
 
 # Of the meshers' random numbers: no mesh of an identification has it.
 _SEED = 77
+# Patients that are looked at for one whose walls can move as was drawn; voxels that scans of them have, in the slice and across, mm.
+_PATIENTS, VOXEL_MM = 8, ((0.8, 1.5), (0.8, 3.0))
 _EDGE_MM = {"blind": 6.5, "phantom": 5.0, "pressure": 6.0}
 _BUILDS = {"blind": range(4), "pressure": range(100, 104)}
 
@@ -112,3 +115,13 @@ def _states(patient: Patient, warp: BackwardMap, drawn: Drawn) -> TwoStates:
     low, high = grid.to_lps(np.array([np.zeros(3), np.array(grid.array.shape) - 1.0]))
     moved = ForwardMap(warp)
     return TwoStates(patient.labels, warp.rest_points, moved.displacement, low, high, drawn.by_label)
+
+
+def solved_states(simulator: str, rng: np.random.Generator, G: tuple[float, float], meshes: Path | None) -> TwoStates:
+    """Both states of the first patient whose walls can move as was drawn. Raises ConvergenceError when none of eight can."""
+    for _ in range(_PATIENTS):
+        try:
+            return SIMULATORS[simulator](Drawn(rng, G, meshes))
+        except (ConvergenceError, InputError) as error:
+            why = error
+    raise ConvergenceError(f"none of {_PATIENTS} simulated patients has an equilibrium ({why})")

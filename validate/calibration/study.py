@@ -7,7 +7,6 @@ and only when, posterior and prior fit what was simulated.
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -21,12 +20,10 @@ from palpate.validate.calibration.patients import check, make_patient, name_of
 from palpate.validate.calibration.posterior import Marginal, posteriors_of
 from palpate.validate.calibration.ranks import by_region, calibration
 from palpate.validate.calibration.records import CalibrationOptions, CalibrationTable, CalibrationTruth
-from palpate.validate.making import make_each
-from palpate.validate.sealed import Kind, SealedStudy, run_alone
+from palpate.validate.sealed import Kind, SealedStudy, make_each, run_program
 
 Ranked = tuple[Marginal, float, int]
 Make = Callable[[CalibrationOptions, int, Path], bool]
-_COMMAND = (sys.executable, "-m", "palpate.ui.cli")
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,7 @@ def _diagnosed(case: Path, timeout_s: float) -> None:
 def _commanded(case: Path, timeout_s: float, command: str, *options: str) -> None:
     """The program's command on a case, in a process that knows the case's path alone."""
     case = case.resolve()
-    run_alone([*_COMMAND, command, str(case), *options], case, "analysis.log", timeout_s)
+    run_program([command, str(case), *options], case, "analysis.log", timeout_s)
 
 
 IDENTIFY, DIAGNOSE = Estimator("result.json", _identified), Estimator("diagnosis.json", _diagnosed)

@@ -202,3 +202,23 @@ def seconds_to(error: float, rows: list[Row]) -> float | None:
     rms, seconds = np.log([[r["rms"], r["cpu_seconds"]] for r in rows[-2:]]).T
     slope = (seconds[1] - seconds[0]) / (rms[1] - rms[0])
     return float(np.exp(seconds[1] + slope * (np.log(error) - rms[1])))
+
+
+def study_text(found: ForwardTable) -> str:
+    """The table for a person."""
+    lines = [
+        f"{'drive':13}{'v1/mu':>6}  {'element':8}{'unknowns':>9}{'rms %':>8}{'largest %':>11}{'seconds':>9}{'cpu s':>9}"
+    ]
+    for r in found["rows"]:
+        lines.append(
+            f"{r['drive']:13}{r['ratio']:6g}  {r['element']:8}{r['unknowns']:9}{100 * r['rms']:8.2f}"
+            f"{100 * r['largest']:11.2f}{r['seconds']:9.3f}{r['cpu_seconds']:9.3f}"
+            + ("" if r["converged"] else "  no equilibrium")
+        )
+    for element, seconds in found["seconds_to_1_percent"].items():
+        lines.append(
+            f"processor seconds to 1 %, {element}: " + ("not reached" if seconds is None else f"{seconds:.3g}")
+        )
+    lines.append(f"the reference's own error: {100 * found['reference_rms']:.3f} %")
+    lines += [f"reduced model, {key}: {value:.4g}" for key, value in found["reduced_model"].items()]
+    return "\n".join(lines)

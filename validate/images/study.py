@@ -19,8 +19,7 @@ from palpate.validate.images.figures import Said, half_rows, said_of, sd_by_half
 from palpate.validate.images.pairs import MAKING, make_pair, name_of, unmade
 from palpate.validate.images.records import HalfRow, ImagesOptions, ImagesTable
 from palpate.validate.images.ways import DONE, WAYS, analyse
-from palpate.validate.making import make_each
-from palpate.validate.sealed import Kind, SealedStudy
+from palpate.validate.sealed import Kind, SealedStudy, make_each
 from palpate.validate.segmentation.contoured_scan import contoured_scan
 
 # The way with whose standard deviations those of the others are compared.

@@ -6,16 +6,14 @@ Every command runs in a process of its own that is given paths in the pair's fol
 from __future__ import annotations
 
 import shutil
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from palpate.case.case_folder import CaseFolder
 from palpate.core.files.atomic import atomic_path
-from palpate.validate.sealed import run_alone
+from palpate.validate.sealed import run_program
 
-_COMMAND = (sys.executable, "-m", "palpate.ui.cli")
 # File of the pair that says that its ways were gone.
 DONE, LOG = "done.json", "analysis.log"
 # What a copied case does not take along.
@@ -88,7 +86,7 @@ def analyse(
     pair = pair.resolve()
 
     def command(at: Path, words: tuple[str, ...]) -> None:
-        run_alone([*_COMMAND, *words, "--quiet", "--workers", "1"], at, LOG, timeout_s)
+        run_program([*words, "--quiet", "--workers", "1"], at, LOG, timeout_s)
 
     run = Run(command, stated_mm, diagnosis)
     gone = [way for way in WAYS if way in (ways or WAYS)]

@@ -7,7 +7,6 @@ without noise; what uniform halves would say stands beside.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, TypedDict
 
@@ -16,7 +15,7 @@ from scipy import stats
 
 from palpate.core.arrays import FloatArray
 from palpate.core.worker.executors import one_thread
-from palpate.core.worker.progress import Progress, silent
+from palpate.core.worker.progress import Progress, part, silent
 from palpate.validate.paper.tumour_data import DATA_DIVISIONS, DATA_ELEMENT, TumourData, tumour_data
 from palpate.validate.paper.tumour_fit import Found, TumourFit
 from palpate.validate.paper.tumour_scene import NORMAL_MU, TUMOUR_MU, Divisions
@@ -151,7 +150,7 @@ def _table(
     with one_thread():
         tell(0.0, "uniform organ")
         uniform = tumour_data(0.0, NORMAL_MU, o.data)
-        fit = TumourFit(uniform.organ.rest, o.identify, o.element, o.data, progress=_part(tell, 0.02, 0.4))
+        fit = TumourFit(uniform.organ.rest, o.identify, o.element, o.data, progress=part(tell, 0.02, 0.4))
         fit.learn_meshes(uniform)
         rng = np.random.default_rng(o.seed)
         rows: list[TumourRow] = []
@@ -207,7 +206,3 @@ def _told(found: Found) -> FoundHalves:
 
 def _pearson(x: list[float], y: list[float]) -> float:
     return float(stats.pearsonr(x, y).statistic)
-
-
-def _part(tell: Progress, start: float, end: float) -> Callable[[float, str], None]:
-    return lambda fraction, message: tell(start + (end - start) * fraction, message)

@@ -54,9 +54,8 @@ def contoured_scan(
 def phantom_scan(seed: int = 3) -> ContouredScan:
     """A simulated scan of the analytic phantom, with its truth."""
     shape = np.ceil(_PHANTOM_EXTENT_MM / _PHANTOM_SPACING_MM).astype(int)
-    affine = np.diag([*_PHANTOM_SPACING_MM, 1.0])
-    affine[:3, 3] = phantom.ORIGIN_MM - 0.5 * (shape - 1) * _PHANTOM_SPACING_MM + np.array([2.0, 10.0, 8.0])
-    grid = Volume(np.zeros(shape, dtype=np.int16), affine)
+    low = phantom.ORIGIN_MM - 0.5 * (shape - 1) * _PHANTOM_SPACING_MM + np.array([2.0, 10.0, 8.0])
+    grid = Volume.upright(low, _PHANTOM_SPACING_MM, shape)
     ct = Scanner().scan(phantom.hu, grid, seed=seed)
     index = np.indices(shape).reshape(3, -1).T.astype(float)
     labels = grid.with_array(phantom.labels(grid.to_lps(index)).reshape(shape))

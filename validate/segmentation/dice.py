@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import TypedDict
+from dataclasses import asdict, dataclass, replace
+from typing import TypedDict, cast
 
 import numpy as np
 
@@ -63,19 +63,9 @@ class DiceRow:
 
     def to_dict(self) -> DiceFigures:
         """The JSON object of a row, figures rounded."""
-        return {
-            "organ": self.organ,
-            "mode": self.mode,
-            "dice": round(self.dice, 4),
-            "share_inside": round(self.share_inside, 4),
-            "volume_cc": round(self.volume_cc, 4),
-            "reference_cc": round(self.reference_cc, 4),
-            "shift_mm": round(self.shift_mm, 4),
-            "confidence": None if self.confidence is None else round(self.confidence, 4),
-            "seconds": round(self.seconds, 4),
-            "said_mm": None if self.said_mm is None else round(self.said_mm, 3),
-            "true_mm": None if self.true_mm is None else round(self.true_mm, 3),
-        }
+        places = {"said_mm": 3, "true_mm": 3}
+        rounded = {k: round(v, places.get(k, 4)) if isinstance(v, float) else v for k, v in asdict(self).items()}
+        return cast(DiceFigures, rounded)
 
 
 def dice(a: BoolArray, b: BoolArray) -> float:

@@ -41,7 +41,4 @@ class TwoStates:
     def grid(self, voxel_mm: tuple[float, float, float]) -> Volume:
         """An empty grid of such voxels over the box, a voxel wider on every side."""
         spacing = np.array(voxel_mm)
-        affine = np.diag([*spacing, 1.0])
-        affine[:3, 3] = self.low - spacing
-        shape = np.ceil((self.high - self.low) / spacing).astype(int) + 3
-        return Volume(np.zeros(tuple(shape), dtype=np.uint8), affine)
+        return Volume.upright(self.low - spacing, spacing, np.ceil((self.high - self.low) / spacing) + 3)

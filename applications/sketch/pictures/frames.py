@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure as Sheet
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from palpate.applications.film import write_film
 from palpate.applications.sketch.outline import Outline
 from palpate.applications.sketch.run_sketch import Sketch, triangles
+from palpate.applications.sketch.sketch_summary import SketchRecord
 from palpate.core.arrays import FloatArray
+from palpate.core.files.atomic import atomic_folder
 
 Picture = NDArray[np.uint8]
 
@@ -102,3 +107,17 @@ def _view(sketch: Sketch, pixels: int) -> View:
     low, high = every.min(axis=0), every.max(axis=0)
     side = 1.12 * float((high - low).max())
     return View(0.5 * (low + high) - 0.5 * side, side / pixels, pixels)
+
+
+def write_sketch(sketch: Sketch, folder: Path, per_second: float = 25.0) -> SketchRecord:
+    """Writes film.mp4, pictures/0001.png ..., keyframes.png and sketch.json, whole or not at all; returns what sketch.json says."""
+    pictures = list(film_pictures(sketch))
+    with atomic_folder(folder) as made:
+        (made / "pictures").mkdir()
+        for k, picture in enumerate(pictures, start=1):
+            Image.fromarray(picture).save(made / "pictures" / f"{k:04d}.png")
+        codec = write_film(made / "film.mp4", pictures, per_second)
+        keyframe_sheet(sketch).savefig(made / "keyframes.png", dpi=110)
+        summary: SketchRecord = {**sketch.summary, "film": {"codec": codec, "per_second": per_second}}
+        (made / "sketch.json").write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return summary

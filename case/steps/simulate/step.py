@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder, check_new_case
 from palpate.case.steps.simulate.answers import Answers, surface_truth, truth_of, write_answers
-from palpate.case.steps.simulate.case_source import case_source
 from palpate.case.steps.simulate.from_ct import CtSource, ct_source
 from palpate.case.steps.simulate.spec import SimulationSpec, parse_spec
 from palpate.case.steps.simulate.spec_file import ScanFile
@@ -20,12 +19,13 @@ from palpate.case.steps.simulate.write import SimulatedPair, write_label_case, w
 from palpate.core.arrays import FloatArray
 from palpate.core.errors import InputError
 from palpate.core.worker.progress import Progress, silent
-from palpate.imaging.labels import LABELS, ORGAN_LABELS
+from palpate.imaging.labels import LABELS, ORGAN_LABELS, SURROUNDING_TISSUE
+from palpate.imaging.scans.scan import read_scan
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
 from palpate.simulate.inverse_map import BackwardMap
 from palpate.simulate.scanner import Scanner
 from palpate.simulate.solve import solve_deformed
-from palpate.simulate.source import LABELLED, SCANNED, PhantomSource, Source, labels_on
+from palpate.simulate.source import LABELLED, SCANNED, PhantomSource, Source, VolumeSource, labels_on
 from palpate.simulate.walls import moved_walls
 
 GRAVITY_SUPINE = (0.0, 9.81, 0.0)
@@ -146,3 +146,20 @@ def _check_folders(case_path: Path, answers_path: Path, source: object) -> None:
     check_new_case(case_path, [source.ct] if isinstance(source, CtSource) else [])
     if answers_path.is_file():
         raise InputError(f"{answers_path} is a file; give a folder with --answers")
+
+
+def case_source(path: Path) -> VolumeSource:
+    """A case folder as a source. Raises InputError, naming the file, when it has no labels or they lack organ or
+    tissue.
+    """
+    case = CaseFolder(path)
+    file = case.file("rest.nii.gz")
+    if not case.has_labels("rest"):
+        raise InputError(f"{file} is not there; contour the case or run `palpate segment` first")
+    labels = case.labels("rest")
+    present = set(np.unique(labels.array).tolist())
+    for wanted, what in ((ORGAN_LABELS, "organ (1, 2)"), ((SURROUNDING_TISSUE,), "surrounding tissue (3)")):
+        if not present & set(wanted):
+            raise InputError(f"{file} holds no {what}; run `palpate segment` or draw it")
+    ct = read_scan(case.file("rest_ct"))[0] if case.has("rest_ct") else None
+    return VolumeSource(case.facts.name, labels, ct)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from palpate.ui.cli import main as cli
-from palpate.ui.cli.typed import typed_options
+from palpate.ui.cli.steps import typed_options
 
 LINES = {
     "analyze /d/Doe/a /d/Doe/b -o /d/Doe/case": "analyze REST DEFORMED -o CASE",

@@ -10,8 +10,7 @@ from PySide6.QtCore import QPointF
 from PySide6.QtGui import QPainterPath, QPolygonF
 
 from palpate.imaging.grid import in_lps_order
-from palpate.ui.desktop.session.display import Display
-from palpate.ui.desktop.session.window_level import PRESETS, WindowLevel, apply_window
+from palpate.ui.desktop.session.display import PRESETS, Display, WindowLevel, apply_window
 from palpate.ui.desktop.slices import overlay
 from palpate.ui.desktop.slices.map_layer import map_layer
 from palpate.ui.desktop.slices.slice_sampling import SampledSlice, cut, is_aligned, positions, scan_outline

@@ -16,7 +16,7 @@ from palpate.applications.touch.body_file import load_body
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box, with_regions
 from palpate.core.worker.messages import Message, Reporter
-from palpate.ui.desktop.session import organ_jobs
+from palpate.ui.desktop.session import beside_jobs
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.jobs import JobState
 
@@ -59,7 +59,7 @@ def test_touch_is_told_from_the_first_moment_and_can_be_stopped(tmp_path: Path) 
 
 def test_the_body_is_that_of_the_case_and_is_told_once(tmp_path: Path) -> None:
     case = write_case(tmp_path / "case", result())
-    job = organ_jobs.body_job(case.path, tmp_path)
+    job = beside_jobs.body_job(case.path, tmp_path)
     job = replace(job, options={**job.options, "tets": 500})
     heard: list[Message] = []
     found = make_organ.make_body(job, Reporter(heard.append))
@@ -88,7 +88,7 @@ def test_what_cannot_be_is_said_in_one_line(tmp_path: Path) -> None:
         controller.drop(tmp_path / "film.avi")
     controller.quit()
     with pytest.raises(InputError, match="run `palpate mesh` on the case first"):
-        make_organ.make_film(organ_jobs.film_job(tmp_path / "case", tmp_path / "film.mp4", tmp_path), Reporter(print))
+        make_organ.make_film(beside_jobs.film_job(tmp_path / "case", tmp_path / "film.mp4", tmp_path), Reporter(print))
 
 
 def test_the_film_is_made_and_tells_how_far_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -98,7 +98,7 @@ def test_the_film_is_made_and_tells_how_far_it_is(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(make_organ, "DropOptions", lambda frames: DropOptions(seconds=0.02, frames=frames))
     heard: list[Message] = []
     found = make_organ.make_film(
-        organ_jobs.film_job(case.path, tmp_path / "fall.mp4", tmp_path), Reporter(heard.append)
+        beside_jobs.film_job(case.path, tmp_path / "fall.mp4", tmp_path), Reporter(heard.append)
     )
     assert found == {"film": str(tmp_path / "fall.mp4")} and len(read_film(tmp_path / "fall.mp4")) > 3
     fractions = [message["fraction"] for message in heard if message["type"] == "progress"]

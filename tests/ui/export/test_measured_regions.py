@@ -19,7 +19,7 @@ from palpate.ui.export import exporter
 from palpate.ui.report.declaration import REPORT
 from palpate.ui.report.document import Table
 from palpate.ui.report.figures import Figures
-from palpate.ui.report.measured.table import measured_table
+from palpate.ui.report.measured_regions import measured_table
 from palpate.ui.report.record import read_record
 from palpate.ui.report.stiffness_section import stiffness_section
 

@@ -12,10 +12,9 @@ from phantoms import result, write_case
 
 from palpate.imaging.labels import BLADDER, BONE, LABEL_COLOURS, LABELS, ORGAN_LABELS, RECTUM
 from palpate.ui.desktop.session.display import SCALES, Display
-from palpate.ui.export.nrrd import export
+from palpate.ui.export.nrrd import COUNT, colour_table, export
 from palpate.ui.pictures.colours import OUTLINES, STIFFNESS_SCALE, StiffnessScale, label_hex, label_rgb, region_hex
 from palpate.ui.pictures.images import CaseImages
-from palpate.ui.pictures.slicer_colours import COUNT, colour_table
 from palpate.ui.pictures.slices import stiffness_planes
 from palpate.ui.pictures.solids import AROUND
 

@@ -10,7 +10,7 @@ import pyvista as pv
 from phantoms import write_case
 
 from palpate.case.case_folder import CaseFolder
-from palpate.ui.report.misfit_map import misfit_map
+from palpate.ui.report.figures import misfit_map
 
 RADIUS, TOO_FAR = 20.0, 1.5
 

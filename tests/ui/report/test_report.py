@@ -15,7 +15,7 @@ from pypdf import PdfReader
 from palpate.case.case_folder import CaseFolder
 from palpate.case.rigid_offset import RigidOffset
 from palpate.core.errors import InputError
-from palpate.ui.report import drawn_by as program
+from palpate.ui.report import declaration as program
 from palpate.ui.report import report_step
 
 # Not "4711" alone: a sum of a file in hexadecimal digits holds it by chance.

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.core.errors import InputError
-from palpate.ui.cli.arguments import IMAGE_HELP, add_case, has_case, no_points, random_seed, whole_number
+from palpate.ui.cli.arguments import IMAGE_HELP, add_case, case_of, random_seed, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 
@@ -40,15 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Diagnoses; see `diagnose_step.run`."""
-    no_points(args)
-    has_case(args)
-    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    case = case_of(args)
     from palpate.case.steps import diagnose
     from palpate.core.files.json_types import plain
 
     if args.effects is not None and not args.effects.is_dir():
         raise InputError(f"{args.effects} is no folder; give the folder with your effects' *.py files")
-    case = CaseFolder(args.case)
     options = diagnose.DiagnoseOptions(args.effects, random_seed(args), args.meshes, image=args.image)
     with recorded(case, args), console.progress(NAME) as progress:
         found = diagnose.run(case, options, progress)

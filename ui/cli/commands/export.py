@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from palpate.core.errors import InputError
-from palpate.ui.cli.arguments import add_case, has_case, no_points
+from palpate.ui.cli.arguments import add_case, case_of
 from palpate.ui.cli.console import Console
 from palpate.ui.export import export, exporter, names
 
@@ -24,14 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Exports; see `palpate.ui.export`."""
-    no_points(args)
-    has_case(args)
-    from palpate.case.case_folder import CaseFolder  # here, because it takes seconds to load
-
+    case = case_of(args)
     if args.folder.exists() and not args.folder.is_dir():
         raise InputError(f"{args.folder} is a file; give a folder to write into")
     with console.progress(NAME) as progress:
         progress(0.0, exporter(args.to).WRITES)
-        files = export(args.to, CaseFolder(args.case), args.folder, args.tissue)
+        files = export(args.to, case, args.folder, args.tissue)
         progress(1.0, "written")
     return {"files": [str(path) for path in files]}, "\n".join(f"written {path}" for path in files)

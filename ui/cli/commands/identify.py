@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.ui.cli.arguments import IMAGE_HELP, add_case, has_case, no_points, random_seed, whole_number, workers
+from palpate.ui.cli.arguments import IMAGE_HELP, add_case, case_of, random_seed, whole_number, workers
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 from palpate.ui.words.number_words import three_figures
@@ -83,13 +83,10 @@ def options_of(args: argparse.Namespace) -> IdentifyOptions:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Identifies; see `identify_step.run` and `again_step.run`."""
-    no_points(args)
-    has_case(args)
-    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    case = case_of(args)
     from palpate.case.steps import identify, measure_contour_noise, reidentify
     from palpate.core.files.json_types import plain
 
-    case = CaseFolder(args.case)
     if args.again is not None:
         with recorded(case, args), console.progress(NAME) as progress:
             again = reidentify.run(case, args.again, progress)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from palpate.meshing.mesh_options import MeshOptions
-from palpate.ui.cli.arguments import add_case, has_case, no_points, random_seed, whole_number
+from palpate.ui.cli.arguments import add_case, case_of, random_seed, whole_number
 from palpate.ui.cli.console import Console
 from palpate.ui.cli.steps import recorded
 
@@ -38,12 +38,9 @@ def options_of(args: argparse.Namespace) -> MeshOptions:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Meshes; see `mesh_step.run`."""
-    no_points(args)
-    has_case(args)
-    from palpate.case.case_folder import CaseFolder  # here, because it and VTK take seconds to load
+    case = case_of(args)
     from palpate.case.steps import mesh
 
-    case = CaseFolder(args.case)
     with recorded(case, args), console.progress(NAME) as progress:
         report = mesh.run(case, options_of(args), progress)
     return report, text_of(case, report)

@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from palpate.ui.cli.arguments import add_case, has_case, no_points
+from palpate.ui.cli.arguments import add_case, case_of
 from palpate.ui.cli.console import Console
 
 if TYPE_CHECKING:
@@ -39,13 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Plans, and draws plan.png; see `plan_step.run`."""
-    no_points(args)
-    has_case(args)
-    from palpate.case.case_folder import CaseFolder  # here, because it takes seconds to load
+    case = case_of(args)
     from palpate.case.steps import plan as plan_step
     from palpate.ui.pictures.plan_curve import plan_curve
 
-    case = CaseFolder(args.case)
     options = plan_step.PlanOptions(args.deformation, args.amounts, args.stiffness, args.noise)
     with console.progress(NAME) as progress:
         plan = plan_step.run(case, options, progress)

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from palpate.ui.cli.arguments import add_case, has_case, no_points
+from palpate.ui.cli.arguments import add_case, case_of
 from palpate.ui.cli.console import Console
 
 if TYPE_CHECKING:
@@ -22,13 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object], str]:
     """Reports; see `report_step.run`."""
-    no_points(args)
-    has_case(args)
-    from palpate.case.case_folder import CaseFolder  # here, because it, matplotlib and VTK take seconds to load
+    case = case_of(args)
     from palpate.ui.report import report_step
 
     with console.progress(NAME) as progress:
-        written = report_step.run(CaseFolder(args.case), None, progress)
+        written = report_step.run(case, None, progress)
     return written, "\n".join(text_of(written))
 
 

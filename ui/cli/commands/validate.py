@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from palpate.core.files.atomic import atomic_path
 from palpate.core.worker.progress import Progress
@@ -34,20 +34,9 @@ from palpate.ui.cli.studies import paper
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from palpate.validate.blind.study import BlindTable
-    from palpate.validate.calibration.records import CalibrationTable
-    from palpate.validate.forward.study import ForwardTable
-    from palpate.validate.images.records import ImagesTable
-    from palpate.validate.label_grids import GridTable
-    from palpate.validate.matching.study import MatchTable
-    from palpate.validate.meshing_study import MeshingTable
     from palpate.validate.segmentation.contoured_scan import ContouredScan
-    from palpate.validate.segmentation.study import SegmentationTable
-    from palpate.validate.segmentation.variant_study import VariantTable
-    from palpate.validate.stiffness_map.records import MapTable
 
-Found = TypeVar("Found", bound=Mapping[str, object])
-
+Found = Mapping[str, object]
 NAME, HELP = "validate", "studies of what is claimed, as JSON and pictures"
 _DPI = 160
 # As in `validate.images`, which is not read to parse a command line.
@@ -57,17 +46,17 @@ _HIDE, _WAYS = (
 )
 
 
-def _plain_text(found: Mapping[str, object]) -> str:
+def _plain_text(found: Found) -> str:
     return "\n".join(f"{key}: {value}" for key, value in found.items() if not isinstance(value, list))
 
 
 @dataclass(frozen=True)
-class Study(Generic[Found]):
+class Study:
     """run : makes the figures. text : says them to a person. picture : draws them, where there is something to draw."""
 
     run: Callable[[argparse.Namespace, Progress], Found]
-    text: Callable[[Found], str] = _plain_text
-    picture: Callable[[Found], Figure] | None = None
+    text: Callable[[Any], str] = _plain_text
+    picture: Callable[[Any], Figure] | None = None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -143,7 +132,7 @@ def run(args: argparse.Namespace, console: Console) -> tuple[Mapping[str, object
     return found, study.text(found)
 
 
-def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, object]:
+def _robustness(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.validate.forward.robustness import RobustnessOptions, robustness
 
     options = RobustnessOptions(
@@ -152,38 +141,13 @@ def _robustness(args: argparse.Namespace, progress: Progress) -> dict[str, objec
     return robustness(options, progress)
 
 
-def _forward(args: argparse.Namespace, progress: Progress) -> ForwardTable:
+def _forward(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.validate.forward.study import ForwardOptions, forward
 
     return forward(ForwardOptions(cells=args.cells), progress)
 
 
-def _forward_text(found: ForwardTable) -> str:
-    lines = [
-        f"{'drive':13}{'v1/mu':>6}  {'element':8}{'unknowns':>9}{'rms %':>8}{'largest %':>11}{'seconds':>9}{'cpu s':>9}"
-    ]
-    for r in found["rows"]:
-        lines.append(
-            f"{r['drive']:13}{r['ratio']:6g}  {r['element']:8}{r['unknowns']:9}{100 * r['rms']:8.2f}"
-            f"{100 * r['largest']:11.2f}{r['seconds']:9.3f}{r['cpu_seconds']:9.3f}"
-            + ("" if r["converged"] else "  no equilibrium")
-        )
-    for element, seconds in found["seconds_to_1_percent"].items():
-        lines.append(
-            f"processor seconds to 1 %, {element}: " + ("not reached" if seconds is None else f"{seconds:.3g}")
-        )
-    lines.append(f"the reference's own error: {100 * found['reference_rms']:.3f} %")
-    lines += [f"reduced model, {key}: {value:.4g}" for key, value in found["reduced_model"].items()]
-    return "\n".join(lines)
-
-
-def _forward_picture(found: ForwardTable) -> Figure:
-    from palpate.ui.pictures.element_errors import element_errors
-
-    return element_errors(found)
-
-
-def _gap(args: argparse.Namespace, progress: Progress) -> BlindTable:
+def _gap(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.validate.blind.recipes import StudyOptions
     from palpate.validate.blind.study import run as gap_study
 
@@ -197,7 +161,7 @@ def _gap(args: argparse.Namespace, progress: Progress) -> BlindTable:
     return gap_study(args.folder, options, progress)
 
 
-def _calibration(args: argparse.Namespace, progress: Progress) -> CalibrationTable:
+def _calibration(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.validate.calibration.records import CalibrationOptions
     from palpate.validate.calibration.study import run as calibrate
 
@@ -210,23 +174,6 @@ def _calibration(args: argparse.Namespace, progress: Progress) -> CalibrationTab
     return calibrate(args.folder, options, progress)
 
 
-def _calibration_text(found: CalibrationTable) -> str:
-    from palpate.validate.calibration.study import calibration_text
-
-    return calibration_text(found)
-
-
-def _drawn_by(name: str) -> Callable[[Mapping[str, object]], Figure]:
-    """The picture of `ui.pictures.studies.NAME`."""
-
-    def draw(found: Mapping[str, object]) -> Figure:
-        module = import_module(f"palpate.ui.pictures.studies.{name}")
-        figure: Figure = getattr(module, f"study_{name}")(found)
-        return figure
-
-    return draw
-
-
 def _scans(args: argparse.Namespace) -> list[ContouredScan]:
     from palpate.validate.segmentation.contoured_scan import contoured_scan, phantom_scan
 
@@ -237,20 +184,14 @@ def _scans(args: argparse.Namespace) -> list[ContouredScan]:
     return given or [phantom_scan()]
 
 
-def _meshing(args: argparse.Namespace, progress: Progress) -> MeshingTable:
+def _meshing(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.meshing.mesh_labels import MeshOptions
     from palpate.validate.meshing_study import meshing_study
 
     return meshing_study(_scans(args), MeshOptions(target_tets=args.tets), progress)
 
 
-def _meshing_text(found: MeshingTable) -> str:
-    from palpate.validate.meshing_study import study_text
-
-    return study_text(found)
-
-
-def _segmentation(args: argparse.Namespace, progress: Progress) -> SegmentationTable | VariantTable:
+def _segmentation(args: argparse.Namespace, progress: Progress) -> Found:
     if args.variants:
         from palpate.validate.segmentation.contoured_scan import phantom_scan
         from palpate.validate.segmentation.variant_study import variant_study
@@ -263,29 +204,13 @@ def _segmentation(args: argparse.Namespace, progress: Progress) -> SegmentationT
     return segmentation_study(_scans(args), seed=random_seed(args), errors=not args.dice_only, progress=progress)
 
 
-def _segmentation_text(found: SegmentationTable | VariantTable) -> str:
-    if "recipes" in found:
-        from palpate.validate.segmentation.variant_study import variant_text
-
-        return variant_text(found)
-    from palpate.validate.segmentation.study import study_text
-
-    return study_text(found)
-
-
-def _matching(args: argparse.Namespace, progress: Progress) -> MatchTable:
+def _matching(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.validate.matching.study import matching_study
 
     return matching_study(_scans(args), args.pairs, random_seed(args), progress)
 
 
-def _matching_text(found: MatchTable) -> str:
-    from palpate.validate.matching.study import matching_text
-
-    return matching_text(found)
-
-
-def _images(args: argparse.Namespace, progress: Progress) -> ImagesTable:
+def _images(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.validate.images.records import ImagesOptions
     from palpate.validate.images.study import run as images
 
@@ -305,13 +230,7 @@ def _images(args: argparse.Namespace, progress: Progress) -> ImagesTable:
     return images(args.folder, options, progress)
 
 
-def _images_text(found: ImagesTable) -> str:
-    from palpate.validate.images.study import images_text
-
-    return images_text(found)
-
-
-def _map(args: argparse.Namespace, progress: Progress) -> MapTable:
+def _map(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.validate.stiffness_map.records import MapStudyOptions
     from palpate.validate.stiffness_map.study import map_study
 
@@ -320,13 +239,7 @@ def _map(args: argparse.Namespace, progress: Progress) -> MapTable:
     return map_study(MapStudyOptions(tuple(args.case), args.pairs, seed=random_seed(args)), progress)
 
 
-def _map_text(found: MapTable) -> str:
-    from palpate.validate.stiffness_map.study import study_text
-
-    return study_text(found)
-
-
-def _grids(args: argparse.Namespace, progress: Progress) -> GridTable:
+def _grids(args: argparse.Namespace, progress: Progress) -> Found:
     from palpate.validate.label_grids import label_grids
 
     if not args.case:
@@ -334,40 +247,47 @@ def _grids(args: argparse.Namespace, progress: Progress) -> GridTable:
     return label_grids(args.case, args.folder, progress=progress)
 
 
-def _grids_text(found: GridTable) -> str:
-    from palpate.validate.label_grids import table_text
-
-    return table_text(found)
-
-
-def _of_applications(name: str, drawn: bool = False) -> Study[Any]:
-    """A study of the room above this one, which is named only: `applications/studies/NAME.py` has run, text and picture."""
-
-    def called(part: str) -> Callable[..., Any]:
-        return lambda *given: getattr(import_module(f"palpate.applications.studies.{name}"), part)(*given)
-
-    return Study(called("run"), called("text"), called("picture") if drawn else None)
+def _named(function: str) -> Callable[..., Any]:
+    """The function "MODULE:NAME" of a room; the module is loaded when the function is called."""
+    module, _, name = function.partition(":")
+    return lambda *given: getattr(import_module(f"palpate.{module}"), name)(*given)
 
 
-STUDIES: dict[str, Study[Any]] = {
-    "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn_by("sensitivity")),
-    "resolution": Study(paper.resolution, paper.resolution_text, _drawn_by("resolution")),
-    "swarm": Study(paper.swarm, paper.swarm_text, _drawn_by("swarm")),
-    "threads": Study(paper.threads, picture=_drawn_by("threads")),
-    "cohort": Study(paper.cohort, paper.cohort_text, _drawn_by("cohort")),
-    "coverage": Study(paper.coverage, paper.coverage_text, _drawn_by("coverage")),
-    "table1": Study(paper.tables, paper.tables_text, _drawn_by("table")),
-    "table2": Study(paper.tables, paper.tables_text, _drawn_by("table")),
-    "drop": _of_applications("drop", drawn=True),
+def _drawn(name: str, module: str = "paper_figures") -> Callable[..., Any]:
+    """The picture `study_NAME` of a module of `ui.pictures.studies`."""
+    return _named(f"ui.pictures.studies.{module}:study_{name}")
+
+
+def _segmentation_text(found: Found) -> str:
+    variants = "recipes" in found
+    told = "segmentation.variant_study:variant_text" if variants else "segmentation.study:study_text"
+    return str(_named(f"validate.{told}")(found))
+
+
+# Studies of the room above this one are named only.
+_DROP, _TOUCH = "applications.studies.drop", "applications.studies.touch"
+
+STUDIES: dict[str, Study] = {
+    "sensitivity": Study(paper.sensitivity, paper.sensitivity_text, _drawn("sensitivity")),
+    "resolution": Study(paper.resolution, paper.resolution_text, _drawn("resolution")),
+    "swarm": Study(paper.swarm, paper.swarm_text, _drawn("swarm")),
+    "threads": Study(paper.threads, picture=_drawn("threads")),
+    "cohort": Study(paper.cohort, paper.cohort_text, _drawn("cohort")),
+    "coverage": Study(paper.coverage, paper.coverage_text, _drawn("coverage", "intervals")),
+    "table1": Study(paper.tables, paper.tables_text, _drawn("table", "table")),
+    "table2": Study(paper.tables, paper.tables_text, _drawn("table", "table")),
+    "drop": Study(_named(f"{_DROP}:run"), _named(f"{_DROP}:text"), _named(f"{_DROP}:picture")),
     "gap": Study(_gap),
-    "calibration": Study(_calibration, _calibration_text),
-    "forward": Study(_forward, _forward_text, _forward_picture),
-    "meshing": Study(_meshing, _meshing_text),
-    "touch": _of_applications("touch"),
+    "calibration": Study(_calibration, _named("validate.calibration.study:calibration_text")),
+    "forward": Study(
+        _forward, _named("validate.forward.study:study_text"), _named("ui.pictures.element_errors:element_errors")
+    ),
+    "meshing": Study(_meshing, _named("validate.meshing_study:study_text")),
+    "touch": Study(_named(f"{_TOUCH}:run"), _named(f"{_TOUCH}:text")),
     "robustness": Study(_robustness),
     "segmentation": Study(_segmentation, _segmentation_text),
-    "matching": Study(_matching, _matching_text),
-    "images": Study(_images, _images_text),
-    "map": Study(_map, _map_text, _drawn_by("map")),
-    "grids": Study(_grids, _grids_text),
+    "matching": Study(_matching, _named("validate.matching.study:matching_text")),
+    "images": Study(_images, _named("validate.images.study:images_text")),
+    "map": Study(_map, _named("validate.stiffness_map.study:study_text"), _drawn("map", "intervals")),
+    "grids": Study(_grids, _named("validate.label_grids:table_text")),
 }

@@ -8,8 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QHBoxLayout, QLabel, QV
 from palpate.ui.desktop.panels.label_rows import LabelRows
 from palpate.ui.desktop.panels.panel_parts import Choice, combo, group, slider
 from palpate.ui.desktop.session.controller import Controller
-from palpate.ui.desktop.session.display import SCALES
-from palpate.ui.desktop.session.window_level import PRESETS
+from palpate.ui.desktop.session.display import PRESETS, SCALES
 from palpate.ui.pictures.colours import COLOUR_MAPS
 
 _MODES = (

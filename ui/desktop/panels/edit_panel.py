@@ -12,14 +12,11 @@ from PySide6.QtWidgets import (
     QLabel,
     QPushButton,
     QSpinBox,
-    QVBoxLayout,
-    QWidget,
 )
 
-from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.segmentation.prompts import SEED_NAMES
-from palpate.ui.desktop.panels.panel_parts import Choice, combo, group, slider, swatch
+from palpate.ui.desktop.panels.panel_parts import Choice, Panel, combo, slider, swatch
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.display import PAINTS
 
@@ -58,19 +55,30 @@ _MOST_MM = 20.0
 _NO_HU = -1025  # below what a CT holds: no limit
 
 
-class EditPanel(QWidget):
+class EditPanel(Panel):
     """Controls of `Editing`."""
 
     def __init__(self, controller: Controller) -> None:
-        super().__init__()
-        self._controller = controller
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        box, form = group("Point and correct")
+        super().__init__(controller, "Point and correct")
+        form = self.form
         self.tools = Choice(_TOOLS, lambda tool: controller.show(tool=tool))
         form.addRow(self.tools)
         self.outlined = Choice(_OUTLINED, lambda tool: controller.show(tool=tool))
         form.addRow(self.outlined)
+        self._add_brush()
+        self.operations = self._operations(form)
+        self.undo = self._button("Undo", "Ctrl+Z", controller.editing.undo)
+        self.redo = self._button("Redo", "Ctrl+Shift+Z", controller.editing.redo)
+        self.save = self._button("Save", "Ctrl+S", controller.save)
+        self.forget = self._button("Forget points", "", controller.editing.forget_seeds)
+        grid = QGridLayout()
+        for number, button in enumerate((self.undo, self.redo, self.save, self.forget)):
+            grid.addWidget(button, number // 2, number % 2)
+        form.addRow(grid)
+
+    def _add_brush(self) -> None:
+        """What is pointed at or painted, and how wide."""
+        controller, form = self._controller, self.form
         self.seed = combo(
             SEED_NAMES, lambda name: controller.show(seed_name=name, tool="seed"), "What the click points at"
         )
@@ -101,16 +109,6 @@ class EditPanel(QWidget):
         for part in (self.low, QLabel("to"), self.high):
             limits.addWidget(part)
         form.addRow("Only HU", limits)
-        self.operations = self._operations(form)
-        self.undo = self._button("Undo", "Ctrl+Z", controller.editing.undo)
-        self.redo = self._button("Redo", "Ctrl+Shift+Z", controller.editing.redo)
-        self.save = self._button("Save", "Ctrl+S", controller.save)
-        self.forget = self._button("Forget points", "", controller.editing.forget_seeds)
-        grid = QGridLayout()
-        for number, button in enumerate((self.undo, self.redo, self.save, self.forget)):
-            grid.addWidget(button, number // 2, number % 2)
-        form.addRow(grid)
-        column.addWidget(box)
 
     def _limit(self) -> QSpinBox:
         out = QSpinBox()
@@ -146,10 +144,7 @@ class EditPanel(QWidget):
     def _apply(self, operation: str) -> None:
         state = "deformed" if self._controller.display.mode == "deformed" else "rest"
         amount = self.amount.value() if operation in ("grow", "shrink") else 0.0
-        try:
-            self._controller.editing.apply(state, operation, amount)
-        except InputError as error:
-            self._controller.say(str(error))
+        self._controller.attempt(lambda: self._controller.editing.apply(state, operation, amount))
 
     def _button(self, title: str, shortcut: str, act: object) -> QPushButton:
         out = QPushButton(title)

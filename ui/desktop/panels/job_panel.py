@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton
 
 from palpate.ui.desktop import style
-from palpate.ui.desktop.panels.panel_parts import group
+from palpate.ui.desktop.panels.panel_parts import Panel
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.jobs import JobState
 from palpate.ui.words.number_words import duration
@@ -16,15 +16,12 @@ from palpate.ui.words.number_words import duration
 _OUTCOMES = {"done": ("done", style.GOOD), "cancelled": ("cancelled", style.WARN), "failed": ("failed", style.BAD)}
 
 
-class JobPanel(QWidget):
+class JobPanel(Panel):
     """Shows the job of the controller, else the reading of scans."""
 
     def __init__(self, controller: Controller) -> None:
-        super().__init__()
-        self._controller = controller
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        box, form = group("Progress")
+        super().__init__(controller, "Progress")
+        form = self.form
         self.title, self.message, self.left = QLabel("Idle"), QLabel(""), QLabel("")
         self.message.setWordWrap(True)
         # Room for two lines from the start, so that nothing below jumps with what is told.
@@ -47,7 +44,6 @@ class JobPanel(QWidget):
         form.addRow(row)
         form.addRow(self.message)
         form.addRow(self.left)
-        column.addWidget(box)
 
     def on_change(self, what: str) -> None:
         """Something has changed."""

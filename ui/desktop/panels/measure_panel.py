@@ -6,11 +6,11 @@ from html import escape
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QListWidget, QListWidgetItem, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QListWidget, QListWidgetItem, QPushButton
 
 from palpate.case.measured.measurements import REGIONS
 from palpate.ui.desktop import style
-from palpate.ui.desktop.panels.panel_parts import Choice, group
+from palpate.ui.desktop.panels.panel_parts import Choice, Panel
 from palpate.ui.desktop.session.controller import Controller
 
 _ON_MAP = (
@@ -30,15 +30,12 @@ _NOTE = (
 )
 
 
-class MeasurePanel(QWidget):
+class MeasurePanel(Panel):
     """Controls of `Measuring`."""
 
     def __init__(self, controller: Controller) -> None:
-        super().__init__()
-        self._controller = controller
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        box, form = group("Measure")
+        super().__init__(controller, "Measure")
+        form = self.form
         self.on_map = Choice(_ON_MAP, lambda tool: controller.show(tool=tool))
         self.on_scan = Choice(_ON_SCAN, lambda tool: controller.show(tool=tool))
         form.addRow(self.on_map)
@@ -60,7 +57,6 @@ class MeasurePanel(QWidget):
         note = QLabel(f"<span style='color:{style.FAINT}'>{escape(_NOTE)}</span>")
         note.setWordWrap(True)
         form.addRow(note)
-        column.addWidget(box)
 
     def on_change(self, what: str) -> None:
         """Something has changed."""

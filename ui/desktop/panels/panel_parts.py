@@ -14,10 +14,12 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QSlider,
     QToolButton,
+    QVBoxLayout,
     QWidget,
 )
 
 from palpate.imaging.labels import LABEL_COLOURS
+from palpate.ui.desktop.session.controller import Controller
 
 
 def group(title: str) -> tuple[QGroupBox, QFormLayout]:
@@ -28,6 +30,18 @@ def group(title: str) -> tuple[QGroupBox, QFormLayout]:
     form.setVerticalSpacing(5)
     form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
     return box, form
+
+
+class Panel(QWidget):
+    """One titled box. controller : what it shows and acts on. form : the box's rows."""
+
+    def __init__(self, controller: Controller, title: str) -> None:
+        super().__init__()
+        self._controller = controller
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        box, self.form = group(title)
+        column.addWidget(box)
 
 
 def slider(low: int, high: int, value: int, changed: Callable[[int], None], tip: str) -> QSlider:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from html import escape
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QPushButton
 
 from palpate.core.files.json_types import known
 from palpate.ui.desktop import style
-from palpate.ui.desktop.panels.panel_parts import group
+from palpate.ui.desktop.panels.panel_parts import Panel
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.report.diagnosis_words import says_little
-from palpate.ui.report.measured.regions import YOUNG
+from palpate.ui.report.measured_regions import YOUNG
 from palpate.ui.report.summary import MISSING, NOTHING_DETERMINED
 from palpate.ui.words.number_words import three_figures
 
@@ -23,15 +23,12 @@ _LINES = 13
 _NOTHING = f"<span style='color:{style.FAINT}'>No stiffness yet. Run Stiffness.</span>"
 
 
-class ResultPanel(QWidget):
+class ResultPanel(Panel):
     """open_report : what the button does."""
 
     def __init__(self, controller: Controller, open_report: object) -> None:
-        super().__init__()
-        self._controller = controller
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        box, form = group("Result")
+        super().__init__(controller, "Result")
+        form = self.form
         self.words = QLabel()
         self.words.setWordWrap(True)
         self.words.setTextFormat(Qt.TextFormat.RichText)
@@ -48,7 +45,6 @@ class ResultPanel(QWidget):
         self.report = QPushButton("Show the report")
         self.report.clicked.connect(lambda: open_report())  # type: ignore[operator]
         form.addRow(self.report)
-        column.addWidget(box)
 
     def on_change(self, what: str) -> None:
         """Something has changed."""

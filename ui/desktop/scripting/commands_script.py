@@ -19,8 +19,7 @@ from palpate.ui.desktop.scripting import script_runner, synthetic_input
 from palpate.ui.desktop.scripting.script_edits import Correcting
 from palpate.ui.desktop.scripting.script_facts import WindowFacts, expect, facts_of
 from palpate.ui.desktop.scripting.script_runner import Command, CommandFacts, Done
-from palpate.ui.desktop.session.display import Display
-from palpate.ui.desktop.session.window_level import PRESETS
+from palpate.ui.desktop.session.display import PRESETS, Display
 
 if TYPE_CHECKING:
     from palpate.ui.desktop.slices.slice_view import SliceView

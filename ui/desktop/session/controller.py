@@ -14,6 +14,7 @@ from pathlib import Path
 
 from palpate.case.case_folder import STATES
 from palpate.case.measured.measurements import REGIONS
+from palpate.core.errors import InputError
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session import steps
 from palpate.ui.desktop.session.display import OVER_LABELS, PAINTS, SCALES, Display
@@ -72,6 +73,13 @@ class Controller:
         """Tells a person something."""
         self.said = text
         self.notify("said")
+
+    def attempt(self, act: Callable[[], object]) -> None:
+        """Does what a person asks for, or tells why it cannot be."""
+        try:
+            act()
+        except InputError as error:
+            self.say(str(error))
 
     # Opening
 

@@ -12,7 +12,7 @@ from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.pictures.planes import centre_of
-from palpate.ui.report.measured.regions import YOUNG
+from palpate.ui.report.measured_regions import YOUNG
 from palpate.ui.report.regions import RegionStiffness
 from palpate.ui.words.number_words import three_figures
 
@@ -76,9 +76,8 @@ def _voxel(volume: Volume | None, at: FloatArray) -> float | None:
     """The value of the voxel that holds a point (1, 3) mm; None outside."""
     if volume is None:
         return None
-    index = np.rint(volume.to_index(at)[0]).astype(int)
-    inside = (index >= 0).all() and (index < volume.array.shape).all()
-    return float(volume.array[tuple(index)]) if inside else None
+    value = float(volume.nearest(at, np.nan)[0])
+    return None if np.isnan(value) else value
 
 
 def first_place(labels: Volume | None, ct: Volume | None) -> Point | None:

@@ -9,7 +9,7 @@ from palpate.ui.desktop.session.editing import Editing
 from palpate.ui.desktop.session.measuring import Measuring
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.pictures.planes import Plane
-from palpate.ui.report.measured.regions import area_mm2
+from palpate.ui.report.measured_regions import area_mm2
 
 Point = tuple[float, float, float]
 # Tool -> kind of measurement.

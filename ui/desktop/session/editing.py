@@ -11,8 +11,7 @@ from palpate.core.errors import InputError
 from palpate.imaging.labels import LABELS
 from palpate.segmentation.prompts import SEED_NAMES
 from palpate.ui.desktop.session.labels.label_operations import changed_label, values_at
-from palpate.ui.desktop.session.labels.outlined import within_outline
-from palpate.ui.desktop.session.labels.strokes import Drag, Stroke, erased_to, footprint
+from palpate.ui.desktop.session.labels.strokes import Drag, Stroke, erased_to, footprint, within_outline
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.pictures.planes import Plane

@@ -12,8 +12,7 @@ from palpate.case.measured.measurements import (
 )
 from palpate.core.errors import InputError
 from palpate.ui.desktop.session.session import Session
-from palpate.ui.report.measured.regions import YOUNG, MeasuredRegion, measured_region
-from palpate.ui.report.measured.table import line_words
+from palpate.ui.report.measured_regions import YOUNG, MeasuredRegion, line_words, measured_region
 from palpate.ui.words.number_words import three_figures
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from palpate.core.errors import InputError
 from palpate.core.worker.job import Job
-from palpate.ui.desktop.session import export_job, organ_jobs, step_job, steps
+from palpate.ui.desktop.session import beside_jobs, step_job, steps
 from palpate.ui.desktop.session.open_case import OpenCase
 from palpate.ui.desktop.session.session import Session
 from palpate.ui.desktop.session.step_requests import step_request
@@ -44,13 +44,13 @@ class Running:
         if case.corrections.unsaved:
             self._session.save()
         self._start_beside(
-            case, export_job.export_job(case.folder.path, form, folder, _scratch(case)), f"Export {form}"
+            case, beside_jobs.export_job(case.folder.path, form, folder, _scratch(case)), f"Export {form}"
         )
 
     def touch(self) -> None:
         """Makes the organ ready to be touched. Raises InputError when no case is open, it has no stiffness, or a step runs."""
         case = self._identified()
-        self._start_beside(case, organ_jobs.body_job(case.folder.path, _scratch(case)), "Touch")
+        self._start_beside(case, beside_jobs.body_job(case.folder.path, _scratch(case)), "Touch")
 
     def drop(self, film: Path) -> None:
         """Films the organ's fall. Raises InputError as `touch` does, and for a film that is no .mp4."""
@@ -58,7 +58,7 @@ class Running:
         if film.suffix.lower() != ".mp4":
             raise InputError(f"{film}: a film is a file whose name ends in .mp4; choose another name")
         self._start_beside(
-            case, organ_jobs.film_job(case.folder.path, film.absolute(), _scratch(case)), "Film of the fall"
+            case, beside_jobs.film_job(case.folder.path, film.absolute(), _scratch(case)), "Film of the fall"
         )
 
     def _start_beside(self, case: OpenCase, job: Job, title: str) -> None:

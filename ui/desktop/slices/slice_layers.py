@@ -11,7 +11,7 @@ from PySide6.QtGui import QImage, QPainterPath, QPolygonF, qRgba
 
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.window_level import WindowLevel, apply_window
+from palpate.ui.desktop.session.display import WindowLevel, apply_window
 from palpate.ui.desktop.slices.overlay import RGBA, outlines
 from palpate.ui.desktop.slices.slice_sampling import SampledSlice, cut, is_aligned
 from palpate.ui.desktop.slices.slice_viewport import Screen

@@ -28,7 +28,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from palpate.core.arrays import FloatArray, LabelArray
 from palpate.imaging.labels import BLADDER, BONE, ORGAN_LABELS, RECTUM
 from palpate.imaging.volume import Volume
-from palpate.ui.desktop.session.window_level import WindowLevel, apply_window
+from palpate.ui.desktop.session.display import WindowLevel, apply_window
 from palpate.ui.desktop.slices.slice_sampling import cut
 from palpate.ui.desktop.solid.camera import Camera
 from palpate.ui.desktop.solid.drawing_child import off_screen_plotter, picture, serve_scene

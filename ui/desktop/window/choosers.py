@@ -21,8 +21,8 @@ from PySide6.QtWidgets import (
 )
 
 from palpate.imaging.contours.roi_names import ORGANS
+from palpate.ui.desktop.session.display import PRESETS, apply_window
 from palpate.ui.desktop.session.read_scans import Offered, OfferedSeries, OfferedStructure
-from palpate.ui.desktop.session.window_level import PRESETS, apply_window
 
 _WORDS = {"rest": "Scan at rest", "deformed": "Deformed scan"}
 _NONE = "not used"

@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from palpate.core.errors import InputError
 from palpate.ui.desktop.panels.colour_bar import ColourBar
 from palpate.ui.desktop.panels.display_panel import DisplayPanel
 from palpate.ui.desktop.panels.edit_panel import EDITS, EditPanel
@@ -34,9 +33,8 @@ from palpate.ui.desktop.session.crosshair import words_at_crosshair
 from palpate.ui.desktop.session.read_scans import Offered
 from palpate.ui.desktop.window import geometry, questions
 from palpate.ui.desktop.window.choosers import ChoicePage
-from palpate.ui.desktop.window.desktop_notice import show_notice
 from palpate.ui.desktop.window.menu import Menu, MenuParts
-from palpate.ui.desktop.window.notices import Notices
+from palpate.ui.desktop.window.notices import Notices, show_notice
 from palpate.ui.desktop.window.open_page import OpenPage
 from palpate.ui.desktop.window.organ_pages import organ_pages
 from palpate.ui.desktop.window.outer_pages import show_outside
@@ -205,12 +203,8 @@ class MainWindow(QMainWindow):
         if command == "import":
             self.show_open_page()
             return
-        if not questions.may_run(self, self.controller, command):
-            return
-        try:
-            self.controller.run(command)
-        except InputError as error:
-            self.controller.say(str(error))
+        if questions.may_run(self, self.controller, command):
+            self.controller.attempt(lambda: self.controller.run(command))
 
     def open_report(self) -> None:
         """The report, in the web browser."""

@@ -10,7 +10,6 @@ from pathlib import Path
 from PySide6.QtGui import QAction, QPixmap
 from PySide6.QtWidgets import QFileDialog, QMainWindow, QMenu
 
-from palpate.core.errors import InputError
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.display import MODES
 from palpate.ui.desktop.session.recent import recent_cases
@@ -126,21 +125,15 @@ class Menu:
     def _export(self, name: str) -> None:
         folder = QFileDialog.getExistingDirectory(self._window, f"Folder for the files of {name}")
         if folder:
-            self._try(lambda: self._parts.controller.export(name, Path(folder)))
+            self._parts.controller.attempt(lambda: self._parts.controller.export(name, Path(folder)))
 
     def _touch(self) -> None:
-        self._try(self._parts.controller.touch)
+        self._parts.controller.attempt(self._parts.controller.touch)
 
     def _drop(self) -> None:
         chosen, _ = QFileDialog.getSaveFileName(self._window, "Film of the organ's fall", "fall.mp4", "Film (*.mp4)")
         if chosen:
-            self._try(lambda: self._parts.controller.drop(Path(chosen)))
-
-    def _try(self, act: Callable[[], None]) -> None:
-        try:
-            act()
-        except InputError as error:
-            self._parts.controller.say(str(error))
+            self._parts.controller.attempt(lambda: self._parts.controller.drop(Path(chosen)))
 
     def _show_file(self, name: str) -> None:
         case = self._parts.controller.case

@@ -71,6 +71,16 @@ class OpenPage(QWidget):
         column.addWidget(told)
         column.addLayout(self._pair_grid())
         column.addSpacing(18)
+        self._add_cases(column)
+        self.problem = QLabel()
+        self.problem.setWordWrap(True)
+        self.problem.setStyleSheet(f"color: {style.BAD}")
+        column.addWidget(self.problem)
+        column.addStretch(1)
+        self.refresh()
+
+    def _add_cases(self, column: QVBoxLayout) -> None:
+        """The cases of before, and what opens another one."""
         column.addWidget(QLabel("<b>Earlier cases</b>"))
         self.recent = QListWidget()
         self.recent.itemActivated.connect(lambda item: self.open_case(Path(item.data(Qt.ItemDataRole.UserRole))))
@@ -90,12 +100,6 @@ class OpenPage(QWidget):
             row.addWidget(button)
         row.addStretch(1)
         column.addLayout(row)
-        self.problem = QLabel()
-        self.problem.setWordWrap(True)
-        self.problem.setStyleSheet(f"color: {style.BAD}")
-        column.addWidget(self.problem)
-        column.addStretch(1)
-        self.refresh()
 
     def _pair_grid(self) -> QGridLayout:
         grid = QGridLayout()

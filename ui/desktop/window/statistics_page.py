@@ -8,14 +8,19 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QFileDialog, QPushButton, QTableWidget, QTableWidgetItem, QVBoxLayout, QWidget
 
 from palpate.case.case_folder import STATES
-from palpate.core.errors import InputError
 from palpate.core.files.atomic import atomic_path
 from palpate.imaging.labels import LABELS
-from palpate.ui.desktop.panels.histogram_chart import HistogramChart
+from palpate.ui.desktop.panels.charts import HistogramChart
 from palpate.ui.desktop.session.controller import Controller
 from palpate.ui.desktop.session.crosshair import value_words
-from palpate.ui.desktop.session.labels.histograms import Histogram, as_csv, histograms
-from palpate.ui.desktop.session.labels.label_statistics import LabelStatistics, MapStatistics, label_statistics
+from palpate.ui.desktop.session.labels.label_statistics import (
+    Histogram,
+    LabelStatistics,
+    MapStatistics,
+    as_csv,
+    histograms,
+    label_statistics,
+)
 from palpate.ui.words.number_words import three_figures
 
 _HEADS = (
@@ -85,10 +90,7 @@ class StatisticsPage(QDialog):
     def _choose_file(self) -> None:
         chosen, _ = QFileDialog.getSaveFileName(self, "Statistics as CSV", "statistics.csv", "CSV (*.csv)")
         if chosen:
-            try:
-                self.write(Path(chosen))
-            except InputError as error:
-                self._controller.say(str(error))
+            self._controller.attempt(lambda: self.write(Path(chosen)))
 
     def write(self, path: Path) -> None:
         """Writes the table, and NAME_histograms.csv beside it. Raises InputError where it cannot."""

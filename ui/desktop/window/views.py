@@ -167,9 +167,7 @@ class Views(QWidget):
 
 def _holds(labels: Volume, at: tuple[float, float, float]) -> bool:
     """Whether a place, mm, lies in the organ."""
-    index = np.rint(labels.to_index(np.array([at]))[0]).astype(int)
-    inside = (index >= 0).all() and (index < labels.array.shape).all()
-    return bool(inside and labels.array[tuple(index)] in ORGAN_LABELS)
+    return int(labels.nearest(np.array([at]))[0]) in ORGAN_LABELS
 
 
 def _reach(volume: Volume, wanted: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

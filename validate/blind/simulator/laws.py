@@ -8,6 +8,7 @@ cell: with a pressure of its own at every point a nearly incompressible quadrati
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -33,25 +34,31 @@ class Dilation:
 
 
 @dataclass(frozen=True, eq=False)
-class Organ:
-    """Mooney-Rivlin (paper Eq 8), mu1 = mu2 = G / 4, volumetric term v1 (J - 1)^2 with 2 v1 = K; all (p,) kPa.
-
-    growth : (p,) linear stretch that costs nothing. fibre : (p,) kPa of 1/2 c (I4 - 1)^2 along `direction`.
-    """
+class _Law:
+    """What both laws have, at points p."""
 
     G: FloatArray
     K: FloatArray
     growth: FloatArray
     fibre: FloatArray
-    direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
-    def eased(self, way: float) -> Organ:
+    def eased(self, way: float) -> Self:
         """With so much of its growth, 0 to 1."""
         return replace(self, growth=self.growth**way)
 
-    def softer(self, share: float) -> Organ:
+    def softer(self, share: float) -> Self:
         """With so much of its bulk modulus."""
         return replace(self, K=share * self.K)
+
+
+@dataclass(frozen=True, eq=False)
+class Organ(_Law):
+    """Mooney-Rivlin (paper Eq 8), mu1 = mu2 = G / 4, volumetric term v1 (J - 1)^2 with 2 v1 = K; all (p,) kPa.
+
+    growth : (p,) linear stretch that costs nothing. fibre : (p,) kPa of 1/2 c (I4 - 1)^2 along `direction`.
+    """
+
+    direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def dilation(self, F: FloatArray) -> Dilation:
         """J - 1 of the elastic part."""
@@ -75,27 +82,15 @@ class Organ:
 
 
 @dataclass(frozen=True, eq=False)
-class Tissue:
+class Tissue(_Law):
     """Linear elastic in the small strain e (paper Eq 3); all (p,) kPa.
 
     stiffening : b of sigma = 2 G (1 + b dev e : dev e) dev e + K tr e. fibre : (p,) kPa, extra stress c (a.e a) a a. growth : (p,)
     linear stretch that costs nothing.
     """
 
-    G: FloatArray
-    K: FloatArray
-    growth: FloatArray
-    fibre: FloatArray
     stiffening: float = 0.0
     direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-    def eased(self, way: float) -> Tissue:
-        """With so much of its growth, 0 to 1."""
-        return replace(self, growth=self.growth**way)
-
-    def softer(self, share: float) -> Tissue:
-        """With so much of its bulk modulus."""
-        return replace(self, K=share * self.K)
 
     @property
     def constant(self) -> bool:

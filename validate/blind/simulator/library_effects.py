@@ -88,12 +88,7 @@ def _push(s: Simulated, size: float, rng: np.random.Generator) -> None:
     at = X.mean(axis=1)
     s.centre = at[np.argmax((at - s.middle) @ np.array(direction(rng)))]
     share = np.clip(1.0 - (np.linalg.norm(at - s.centre, axis=1) / 12.0) ** 2, 0.0, None)
-    force = -size * share[:, None] * area
-    load = np.zeros((len(s.body.nodes), 3))
-    # A constant pressure on a quadratic triangle is carried by its mid-edges, a third each.
-    for column in s.body.face_nodes(s.organ_faces)[:, 3:].T:
-        np.add.at(load, column, force / 3.0)
-    s.pull(load)
+    s.pull_at_surface(-size * share[:, None] * area)
 
 
 def _bias(s: Simulated, size: float, rng: np.random.Generator) -> None:

@@ -46,11 +46,7 @@ def _twist(s: Simulated, size: float, rng: np.random.Generator) -> None:
     X = s.body.points[s.organ_faces]
     area = 0.5 * np.linalg.norm(np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0]), axis=1)
     along = np.cross(axis, X.mean(axis=1) - s.middle)
-    force = size * area[:, None] * along / np.linalg.norm(along, axis=1).max()
-    load = np.zeros((len(s.body.nodes), 3))
-    for column in s.body.face_nodes(s.organ_faces)[:, 3:].T:
-        np.add.at(load, column, force / 3.0)
-    s.pull(load)
+    s.pull_at_surface(size * area[:, None] * along / np.linalg.norm(along, axis=1).max())
 
 
 def _tear(s: Simulated, size: float, rng: np.random.Generator) -> None:

@@ -68,10 +68,7 @@ class Patient:
         )
         made = self.made(corners)
         low, high = made.min(axis=0), made.max(axis=0)
-        affine = np.diag([*spacing, 1.0])
-        affine[:3, 3] = low
-        shape = np.ceil((high - low) / spacing).astype(int) + 1
-        return Volume(np.zeros(tuple(shape), dtype=np.uint8), affine)
+        return Volume.upright(low, spacing, np.ceil((high - low) / spacing) + 1)
 
 
 @dataclass(frozen=True, eq=False)

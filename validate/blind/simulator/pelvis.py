@@ -113,7 +113,4 @@ class Pelvis:
 def _grid(voxel_mm: tuple[float, float, float]) -> Volume:
     spacing = np.array(voxel_mm)
     low = _MIDDLE_MM - _REGION_MM - 2.0 * spacing
-    shape = np.ceil((2.0 * _REGION_MM + 4.0 * spacing) / spacing).astype(int)
-    affine = np.diag([*spacing, 1.0])
-    affine[:3, 3] = low
-    return Volume(np.zeros(tuple(shape), dtype=np.uint8), affine)
+    return Volume.upright(low, spacing, np.ceil((2.0 * _REGION_MM + 4.0 * spacing) / spacing))

@@ -91,6 +91,14 @@ class Simulated:
         """More force (n, 3) mN in the deformed state."""
         self.load = force if self.load is None else self.load + force
 
+    def pull_at_surface(self, force: FloatArray) -> None:
+        """The same by force (f, 3) mN on the organ's faces."""
+        load = np.zeros((len(self.body.nodes), 3))
+        # A constant traction on a quadratic triangle is carried by its mid-edges, a third each.
+        for column in self.body.face_nodes(self.organ_faces)[:, 3:].T:
+            np.add.at(load, column, force / 3.0)
+        self.pull(load)
+
 
 # Changes a body by an effect of a size, which means what SIZES of `hidden` gives of it.
 Hide = Callable[[Simulated, float, np.random.Generator], None]

@@ -102,11 +102,7 @@ def changed_label(volume: Volume, state: str, label: int, operation: str, amount
 def values_at(scan: Volume, labels: Volume, index: IntArray) -> FloatArray:
     """HU (n,) of the scan at the centres of labelled voxels, flat indices (n,); not a number where the scan does not reach."""
     points = labels.to_lps(np.stack(np.unravel_index(index, labels.array.shape), axis=1).astype(np.float64))
-    voxel = np.rint(scan.to_index(points)).astype(np.int64)
-    there = ((voxel >= 0) & (voxel < scan.array.shape)).all(axis=1)
-    out = np.full(len(index), np.nan)
-    out[there] = scan.array[tuple(voxel[there].T)]
-    return out
+    return scan.nearest(points, np.nan)
 
 
 def _signed_distance(inside: BoolArray, spacing: FloatArray) -> FloatArray:

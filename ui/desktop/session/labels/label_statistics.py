@@ -1,14 +1,16 @@
-"""Figures of every label: volume, CT numbers, stiffness."""
+"""Figures of every label: volume, CT numbers, stiffness; their histograms, and tables as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.core.arrays import IntArray
+from palpate.core.arrays import FloatArray, IntArray
 from palpate.imaging.labels import LABELS, ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.imaging.volume import Volume
 from palpate.ui.desktop.session.labels.label_operations import values_at
@@ -16,6 +18,7 @@ from palpate.ui.desktop.session.map_values import map_at
 from palpate.ui.report.regions import RegionStiffness
 
 _CUBIC_MM = 1000.0
+_BINS = 24
 
 
 @dataclass(frozen=True)
@@ -71,3 +74,45 @@ def map_statistics(arrays: Mapping[str, NDArray[np.generic]], labels: Volume, in
         return MapStatistics(0.0, None, None, None)
     low, median, high = (float(value) for value in np.percentile(G[told], (5, 50, 95)))
     return MapStatistics(float(told.mean()), median, low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class Histogram:
+    """edges (n + 1,) in `unit`; counts (n,) voxels."""
+
+    quantity: str
+    unit: str
+    edges: FloatArray
+    counts: NDArray[np.int64]
+
+
+def histograms(
+    labels: Volume, label: int, ct: Volume | None, arrays: Mapping[str, NDArray[np.generic]] | None
+) -> list[Histogram]:
+    """Of a label's voxels: CT numbers where there is a scan, G where a map tells it. arrays : of the stiffness map."""
+    index = np.flatnonzero(labels.array.reshape(-1) == label)
+    out = []
+    if ct is not None and len(index):
+        hu = values_at(ct, labels, index)
+        out += _histogram("CT", "HU", hu[np.isfinite(hu)])
+    if arrays is not None and len(index):
+        points = labels.to_lps(np.column_stack(np.unravel_index(index, labels.array.shape)).astype(float))
+        G, told = map_at(arrays, points, None)
+        out += _histogram("G", "kPa", G[told])
+    return out
+
+
+def as_csv(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table as comma-separated values; what is not known stays empty."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(heads)
+    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
+    return out.getvalue()
+
+
+def _histogram(quantity: str, unit: str, values: FloatArray) -> list[Histogram]:
+    if not len(values):
+        return []
+    counts, edges = np.histogram(values, bins=_BINS)
+    return [Histogram(quantity, unit, edges, counts.astype(np.int64))]

@@ -1,4 +1,4 @@
-"""Makes the pictures of the tutorial, one a step: ``python plugin/Screenshots/make_steps.py CASE docs/tutorial/pictures``.
+"""Makes the pictures of the tutorial, one a step: ``python docs/slicer_pictures/make_steps.py CASE docs/tutorial/pictures``.
 
 Needs what make.py needs and PySide6. Views by Slicer's own slice logic, the panel from its .ui file.
 """

@@ -1,4 +1,4 @@
-"""Makes the screenshot from off-screen views of Slicer's own slice logic: ``python plugin/Screenshots/make.py CASE``.
+"""Makes the screenshot from off-screen views of Slicer's own slice logic: ``python docs/slicer_pictures/make.py CASE``.
 
 Needs slicer-core, VTK and matplotlib, and a case that has been identified. The module's own nodes are what is drawn.
 """
@@ -21,8 +21,8 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patheffects import withStroke
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "PalpateStiffness"))
+PLUGIN = Path(__file__).resolve().parents[2] / "plugin"
+sys.path.insert(0, str(PLUGIN / "PalpateStiffness"))
 from PalpateStiffnessLib.logic import StiffnessLogic  # noqa: E402
 from PalpateStiffnessLib.mrml import MrmlScene  # noqa: E402
 from PalpateStiffnessLib.nodes import ResultNodes  # noqa: E402
@@ -41,7 +41,7 @@ def main(case: Path) -> None:
     centres = centres_of(nodes)
     images = {name: slice_view(scene, nodes, name, centres[name]) for name in SIDES}
     images["3D"] = solid_view(nodes, array_of(nodes.stiffness), centres["Axial"])
-    compose(images, nodes, HERE / "PalpateStiffness.png")
+    compose(images, nodes, PLUGIN / "Screenshots" / "PalpateStiffness.png")
     found.logic.clean()
 
 
@@ -87,8 +87,7 @@ def range_of(nodes: ResultNodes) -> Normalize:
 
 def array_of(volume: Any) -> np.ndarray:
     """The voxels of a volume node (ni, nj, nk)."""
-    image = volume.GetImageData()
-    return vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions(), order="F")
+    return array_of_image(volume.GetImageData())
 
 
 def middle(volume: Any, inside: np.ndarray) -> np.ndarray:
@@ -162,7 +161,7 @@ def solid_view(nodes: ResultNodes, G: np.ndarray, centre: np.ndarray) -> np.ndar
 
 
 def array_of_image(image: Any) -> np.ndarray:
-    """The voxels of a segment's image."""
+    """The voxels of an image (ni, nj, nk)."""
     return vtk_to_numpy(image.GetPointData().GetScalars()).reshape(image.GetDimensions(), order="F")
 
 

@@ -1,4 +1,4 @@
-"""Regions that a person drew on the stiffness map: area, mean stiffness and its interval, for window, report and SR."""
+"""Regions that a person drew on the stiffness map: area, mean stiffness, its interval, for window, report and SR; the report's tables."""
 
 from __future__ import annotations
 
@@ -9,17 +9,24 @@ import numpy as np
 from matplotlib.path import Path as Outline
 from numpy.typing import NDArray
 
-from palpate.case.measured.measurements import REGIONS, Measurement, Point
+from palpate.case.measured.measurements import REGIONS, Measurement, Point, angle_degrees, length_mm
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.identify.map.region_mean import RegionMean, region_mean
 from palpate.imaging.labels import ORGAN_LABELS
 from palpate.imaging.volume import Volume
 from palpate.ui.pictures.planes import PLANES, Plane
+from palpate.ui.report.document import Block, Table
 from palpate.ui.words.number_words import three_figures
 
 YOUNG = 3.0  # E = 3 G of an incompressible material
 _STEP_MM = 0.5
 _PLANES = {plane.name: plane for plane in PLANES}
+_DASH = "\N{EN DASH}"
+_HEADER = ("region", "slice", "area, mm\u00b2", "mean G, kPa", "95 % interval, kPa", "E = 3 G, kPa", "determined")
+_CAPTION = (
+    "Regions that a person drew on the stiffness map: mean over the part in the organ that the scans determine. The map is smoothed and "
+    "less certain than the values of the halves."
+)
 
 
 @dataclass(frozen=True)
@@ -91,8 +98,30 @@ def inside_points(plane: Plane, points: Sequence[Point], step_mm: float) -> Floa
 
 def _halves(labels: Volume, points: FloatArray) -> IntArray:
     """(p,) half of the prostate that each point lies in; 0 beside it."""
-    index = np.rint(labels.to_index(points)).astype(int)
-    inside = np.asarray(((index >= 0) & (index < labels.array.shape)).all(axis=1))
-    out = np.zeros(len(points), dtype=np.int64)
-    out[inside] = labels.array[tuple(index[inside].T)]
+    out = labels.nearest(points).astype(np.int64)
     return np.where(np.isin(out, ORGAN_LABELS), out, 0)
+
+
+def measured_table(found: Sequence[MeasuredRegion]) -> list[Block]:
+    """The table as the report's block; nothing where nothing was measured."""
+    return [Table(_HEADER, [_row(region) for region in found], _CAPTION)] if found else []
+
+
+def lines_table(found: Sequence[Measurement]) -> list[Block]:
+    """Distances and angles as the report's block; nothing where none was measured."""
+    rows = [(f"{one.name} ({one.kind})", slice_words(one), line_words(one)) for one in found]
+    return [Table(("measured", "slice", "value"), rows, "Distances and angles that a person measured")] if rows else []
+
+
+def line_words(one: Measurement) -> str:
+    """Value of a distance or an angle: ``23.4 mm``."""
+    if one.kind == "angle":
+        return f"{angle_degrees(one.points):.1f}\N{DEGREE SIGN}"
+    return f"{length_mm(one.points):.1f} mm"
+
+
+def _row(region: MeasuredRegion) -> tuple[str, ...]:
+    mean, G = region.mean, region.mean.G_kpa
+    values = (_DASH,) * 3 if G is None else (three_figures(G), region.interval_words, three_figures(YOUNG * G))
+    name = f"{region.measurement.name} ({region.measurement.kind})"
+    return name, region.where, f"{region.area_mm2:.0f}", *values, f"{100.0 * mean.told_share:.0f} %"

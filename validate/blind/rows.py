@@ -1,4 +1,4 @@
-"""A row of results for every effect, so that a blind spot shows."""
+"""Rows of the scores: one for every effect, so that a blind spot shows, and one for every case."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from palpate.validate.blind.noise_floor import noise_floor_mm
-from palpate.validate.blind.records import Diagnosis, Truth
-from palpate.validate.blind.score_table import EffectRow
+from palpate.validate.blind.records import Diagnosis, Pair, Truth
+from palpate.validate.blind.score_table import EffectRow, ScoreRow
 from palpate.validate.blind.simulator.effects import LIBRARY, OUTSIDE
 
-Pair = tuple[Truth, Diagnosis | None]
 # Candidates that may be named.
 MOST = 3
 
@@ -57,3 +56,36 @@ def _covers(truth: Truth, found: Diagnosis | None) -> bool | None:
 
 def _rate(pairs: Sequence[Pair], right: Callable[[Diagnosis], bool]) -> float | None:
     return float(np.mean([found is not None and right(found) for _, found in pairs])) if pairs else None
+
+
+def confusion(pairs: Sequence[Pair]) -> dict[str, dict[str, int]]:
+    """True effects (joined by +) -> verdict -> how often."""
+    out: dict[str, dict[str, int]] = {}
+    for truth, found in pairs:
+        row = out.setdefault("+".join(truth["effects"]), {})
+        verdict = "failed" if found is None else str(found["verdict"])
+        row[verdict] = row.get(verdict, 0) + 1
+    return out
+
+
+def case_row(truth: Truth, found: Diagnosis | None) -> ScoreRow:
+    """One case: truth and verdict."""
+    row: ScoreRow = {
+        "case": truth["name"],
+        "truth": truth["effects"],
+        "sizes": truth["sizes"],
+        "verdict": None,
+        "candidates": [],
+        "effect_mm": truth.get("effect_mm"),
+        "effect_left_mm": truth.get("effect_left_mm"),
+        "noise_mm": truth.get("noise_mm"),
+        "instead_of": truth.get("instead_of"),
+        "achieved": truth.get("achieved"),
+    }
+    if found is not None:
+        row["verdict"], row["candidates"] = found["verdict"], found["candidates"]
+        row["p_value"] = found["gap"]["p_value"]
+        said = found.get("shrinkage")
+        row["shrinkage"] = said["noise_corrected_fraction"] if said else None
+        row["shrinkage_ci95"] = said["ci95"] if said else None
+    return row

@@ -1,4 +1,4 @@
-"""A job that writes a case in one form for other programs, in the window's worker."""
+"""Jobs in the window's worker that are no step: export to other programs, the organ's body for the probe, the film of its fall."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 from palpate.ui.export import export
 
-KIND = "palpate.ui.desktop.session.export_job:run"
+KIND = "palpate.ui.desktop.session.beside_jobs:run"
+# What does the jobs on the organ, which nothing here imports: a job names it.
+_BY = "palpate.applications.organ_jobs"
 
 
 class _Export(msgspec.Struct, frozen=True):
@@ -23,7 +25,7 @@ class _Export(msgspec.Struct, frozen=True):
 
 
 def export_job(case: Path, form: str, folder: Path, scratch: Path) -> Job:
-    """The job. scratch : for its messages and log."""
+    """The job that writes a case. scratch : for its messages and log."""
     return Job(KIND, str(scratch), options={"case": str(case), "form": form, "folder": str(folder)})
 
 
@@ -35,3 +37,17 @@ def run(job: Job, reporter: Reporter) -> dict[str, object]:
     folder.mkdir(parents=True, exist_ok=True)
     files = export(asked.form, CaseFolder(Path(asked.case)), folder)
     return {"files": [str(path) for path in files]}
+
+
+def body_job(case: Path, scratch: Path) -> Job:
+    """The job that makes the body to touch. scratch : for its messages and log, and for the body."""
+    return _job("make_body", case, scratch / "body.npz", scratch)
+
+
+def film_job(case: Path, film: Path, scratch: Path) -> Job:
+    """The job that films the fall, as `palpate drop` does without options. scratch : for its messages and log."""
+    return _job("make_film", case, film, scratch)
+
+
+def _job(name: str, case: Path, file: Path, scratch: Path) -> Job:
+    return Job(f"{_BY}:{name}", str(scratch), options={"case": str(case), "file": str(file)})

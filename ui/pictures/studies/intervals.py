@@ -1,4 +1,4 @@
-"""The picture of `validate map`: which foci the map finds, and how often the truth lies within what it states."""
+"""The pictures of `validate map` and `validate coverage`: which foci the map finds, and how often intervals hold the truth."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from palpate.ui.pictures.studies.axes import finish, panels
+from palpate.ui.pictures.studies.axes import OURS, finish, panels
 
 if TYPE_CHECKING:
+    from palpate.validate.coverage import CoverageTable
     from palpate.validate.stiffness_map.records import MapTable
+
 
 _MARKS = ("o", "s", "^", "D")
 
@@ -35,4 +37,26 @@ def study_map(study: MapTable) -> Figure:
     right.set_xticks(x, [row["truths"].replace(", ", ",\n") for row in study["cover"]], fontsize=6)
     right.set_ylim(0.0, 103.0)
     finish(right, "", "share of the organ, %")
+    return figure
+
+
+def study_coverage(study: CoverageTable) -> Figure:
+    """Left: coverage with its own standard error. Right: how wide the intervals are."""
+    figure, (left, right) = panels(2)
+    left.axhspan(90.0, 98.0, color="0.92", zorder=0)
+    left.axhline(95.0, color="0.6", linewidth=0.8)
+    sd = [row["noise_sd_mm"] for row in study["rows"]]
+    covered, error = ([100.0 * row[key] for row in study["rows"]] for key in ("covered", "standard_error"))
+    left.errorbar(sd, covered, error, fmt="o", color=OURS, markersize=4, capsize=2)
+    right.plot(sd, [row["median_width_ln_G"] for row in study["rows"]], "o-", color=OURS, markersize=4)
+    left.set_ylim(min(80.0, left.get_ylim()[0]), 100.5)
+    right.set_ylim(0.0, None)
+    finish(
+        left,
+        "error of one contour, mm",
+        "intervals that hold the truth, %",
+        f"{study['replicates']} pairs each",
+        legend=False,
+    )
+    finish(right, "error of one contour, mm", "median width of the interval of ln G", legend=False)
     return figure

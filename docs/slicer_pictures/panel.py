@@ -13,7 +13,7 @@ from PySide6.QtGui import QImage
 from PySide6.QtUiTools import QUiLoader
 from PySide6.QtWidgets import QApplication, QComboBox, QGroupBox, QLineEdit, QPlainTextEdit, QWidget
 
-UI = Path(__file__).resolve().parents[1] / "PalpateStiffness" / "Resources" / "UI" / "PalpateStiffness.ui"
+UI = Path(__file__).resolve().parents[2] / "plugin" / "PalpateStiffness" / "Resources" / "UI" / "PalpateStiffness.ui"
 WIDTH = 470
 SECTIONS = ("scansSection", "organsSection", "stiffnessSection", "resultsSection", "logSection", "advancedSection")
 

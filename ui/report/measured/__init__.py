@@ -1,1 +1,0 @@
-"""Regions that a person measured on the map, in the report."""
