@@ -157,7 +157,7 @@ class NoiseParts:
         o = self.options
         parts = [
             NoisePart(len(self.contour), 1.0, o.contour_prior),
-            NoisePart(1, o.own_mm, o.size_spread),
+            NoisePart(1, o.own_mm, o.contour_prior),
             NoisePart(1, o.edge_mm, o.size_spread),
             NoisePart(len(self.image.local), o.local_mm, o.size_spread),
         ]

@@ -73,8 +73,8 @@ class NoiseModelOptions:
         float,
         sourced(
             "1",
-            "Standard deviation of ln (true contour noise / what the case states).",
-            "Chosen: what is stated is believed to a factor of 1.4; the first shared set has half of what it states.",
+            "Standard deviation of ln (true contour noise / what the case states), and of ln (error of every mode / its median).",
+            "Chosen: both are believed to a factor of 1.4; the first shared set has half of what it states.",
         ),
     ] = 0.35
     size_spread: Annotated[

@@ -407,7 +407,7 @@ def test_the_numbers_in_force_are_in_the_record(none: Diagnosis) -> None:
 
 def test_other_numbers_of_noise_and_walls_are_taken_and_recorded(posed, none: Diagnosis) -> None:  # type: ignore[no-untyped-def]
     """A known size of voxels' noise, walls that may slide four times as far: fewer sizes, another covariance."""
-    noise = NoiseModelOptions(own_mm=0.6, size_spread=1e-3, points=4)
+    noise = NoiseModelOptions(own_mm=0.6, contour_prior=1e-3, points=4)
     fit = fit_plain([(posed, None)], options=noise, walls=WallMotionOptions(slide_share=0.8))
     assert len(fit.noise.sizes) == 8 < len(none.fit.noise.sizes)
     assert fit.sizes.per_mode == pytest.approx(0.6, rel=0.01)

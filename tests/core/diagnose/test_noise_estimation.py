@@ -78,7 +78,7 @@ def test_each_model_may_have_the_noise_that_suits_it(grid: NoiseGrid) -> None:
 def test_what_was_measured_is_no_surprise_to_the_priors() -> None:
     """Voxels: 0.37 to 0.57 mm a mode; contours: half of what is stated to a fifth more, correlated over 5.0 to 7.8 mm."""
     for measured, median, spread in (
-        ((0.37, 0.57), NUMBERS.own_mm, NUMBERS.size_spread),
+        ((0.37, 0.57), NUMBERS.own_mm, NUMBERS.contour_prior),
         ((0.5, 1.2), 1.0, NUMBERS.contour_prior),
     ):
         assert (np.abs(np.log(measured) - np.log(median)) < 2.0 * spread).all()
