@@ -15,6 +15,9 @@ from palpate.core.files.json_types import plain
 from palpate.core.forward.composition_scene import plain_scene
 from palpate.core.identify.job import run
 from palpate.core.problem import IdentificationProblem
+from palpate.core.residual.fit_options import FitOptions
+from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.residual.plain_fit import fit_plain
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 
@@ -53,7 +56,7 @@ def test_two_states_together_tell_more_than_either_and_hold_the_truth(
 ) -> None:
     both = identified(states, tmp_path)
     assert (spread(both) < np.minimum(*map(spread, alone))).all()
-    # Independent looks: their precisions add up at least. These contours err less than they state, which two show better than one.
+    # These contours err less than they state, which two states show better than one.
     assert (spread(both) ** -2.0 > 0.85 * sum(spread(a) ** -2.0 for a in alone)).all()
     for name, found in both["parameters"].items():
         assert found["ci95_kpa"][0] < TRUTH[name] < found["ci95_kpa"][1]
@@ -61,6 +64,20 @@ def test_two_states_together_tell_more_than_either_and_hold_the_truth(
         assert 0.97 * min(values) < found["G_kpa"] < 1.03 * max(values)
     assert [s["rms_mm"] for s in both["states"]] == pytest.approx([a["misfit"]["rms_mm"] for a in alone], abs=0.03)
     assert "2 deformed states together" in both["notes"][0]
+
+
+def test_two_looks_at_the_same_noise_tell_more_than_one_and_less_than_their_sum(
+    states: list[IdentificationProblem],
+) -> None:
+    """They have the scan at rest in common, and what the bounds say."""
+    noise = NoiseModelOptions(contour_prior=1e-3, size_spread=1e-3, length_spread=1e-3)
+    how = FitOptions(starts=1, element="p1p1")
+    both, *alone = (
+        fit_plain([(state, None) for state in some], options=noise, how=how).posterior.spread ** -2.0
+        for some in (states, states[:1], states[1:])
+    )
+    assert (both > np.maximum(*alone)).all()
+    assert (both < sum(alone)).all()
 
 
 def test_the_swarm_adds_the_states_up_too(states: list[IdentificationProblem], tmp_path: Path) -> None:
