@@ -20,6 +20,7 @@ from palpate.core.errors import InputError
 from palpate.core.problem import Facts, IdentificationProblem, SurfacePair
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.labels import LABELS
+from palpate.imaging.propagation.drawn_walls import with_carried_walls
 from palpate.imaging.volume import Volume
 from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
@@ -35,8 +36,8 @@ _ORGAN = (1, 2)
 def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
     """Problem of the first deformed state: mesh, walls, organ surfaces and landmarks, all in the rest frame, mm.
 
-    image : with the motion that the images tell, where the match step has found it. A deformed prostate that nobody drew is no
-    datum beside it.
+    image : with the motion that the images tell, where the match step has found it. Walls then move as contours and images say
+    together. A deformed prostate that nobody drew is no datum beside it.
 
     Raises InputError when an earlier step has not been run, when a state shows no organ, or in a slimmed case.
     """
@@ -56,7 +57,7 @@ def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
         marks = replace(marks, deformed=offset.back(marks.deformed))
     landmarks = np.zeros((0, 6)) if marks is None else np.hstack([marks.rest, marks.deformed])
     matched = read_matched_motion(case) if image else None
-    return IdentificationProblem(
+    drawn = IdentificationProblem(
         meshed.mesh,
         meshed.boundary,
         walls,
@@ -67,6 +68,7 @@ def problem_of(case: CaseFolder, image: bool = False) -> IdentificationProblem:
         matched,
         matched is None or errors.shows_motion(ORGAN_NAME),
     )
+    return with_carried_walls(drawn)
 
 
 def state_problems(case: CaseFolder, first: IdentificationProblem) -> list[IdentificationProblem]:

@@ -7,7 +7,7 @@ a stiffness. It is what is not known where the images show nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -74,19 +74,34 @@ class MotionPrior:
         """Standard deviation of the local part: a Matern 3/2 field of length l and this size strains by size sqrt(3) / l."""
         return self.options.strain * self.options.strain_length_mm / np.sqrt(3.0)
 
+    @property
+    def variances(self) -> FloatArray:
+        """Variances (2 + walls,) mm2 of the parts: motion of all tissue, local motion, each wall."""
+        return np.array([self.sizes.far_mm, self.local_mm, *self.sizes.walls_mm]) ** 2
+
     def along(
         self, points: FloatArray, directions: FloatArray, others: FloatArray, other_directions: FloatArray
     ) -> FloatArray:
-        """Covariance (n, m) mm2 of displacements at points (n, 3) along directions, and at others (m, 3) along theirs."""
-        apart = cdist(points, others)
-        out = (directions @ other_directions.T) * self._even(apart)
-        ours, theirs = self.walls.carried(points), self.walls.carried(others)
-        alike = self._of_walls(apart)
-        for size, a, b in zip(self.sizes.walls_mm, ours, theirs, strict=True):
-            if size > 0.0:
-                both = np.outer(np.einsum("na,na->n", a, directions), np.einsum("na,na->n", b, other_directions))
-                out += size**2 * both * alike
-        return np.asarray(out)
+        """Covariance (n, m) mm2 of displacements at points (n, 3) mm along directions, and at others (m, 3) along theirs."""
+        out = np.zeros((len(points), len(others)))
+        parts = self.parts(points, directions, others, other_directions)
+        for variance, part in zip(self.variances, parts, strict=False):
+            if variance > 0.0:
+                out += variance * part
+        return out
+
+    def parts(
+        self, points: FloatArray, directions: FloatArray, others: FloatArray, other_directions: FloatArray
+    ) -> Iterator[FloatArray]:
+        """The same (n, m) of each part, of unit variance; walls are not asked for where none moves."""
+        apart, alike = cdist(points, others), directions @ other_directions.T
+        yield alike * matern(apart, self.options.far_length_mm)
+        yield alike * matern(apart, self.options.strain_length_mm)
+        if not any(self.sizes.walls_mm):
+            return
+        of_walls = matern(apart, self.options.wall_length_mm)
+        for a, b in zip(self.walls.carried(points), self.walls.carried(others), strict=True):
+            yield np.outer((a * directions).sum(axis=1), (b * other_directions).sum(axis=1)) * of_walls
 
     def variance(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         """Variance (n,) mm2 of displacements along directions."""

@@ -53,7 +53,7 @@ def propagation(
     if alike < options.least_alike:
         return None
     progress(0.5, "motion of the organs' surfaces")
-    seen = window_motions(smooth, options.window_mm, options.apart_mm)
+    seen = window_motions(smooth, options)
     tree = cKDTree(np.vstack([surface.points for surface in surfaces.values()]))
     seen = seen.chosen(tree.query(seen.points)[0] < options.reach_mm)
     walls = Walls([surfaces[name] for name in HOLLOW if name in surfaces], options.wall_fade_mm)

@@ -1,4 +1,4 @@
-"""The motion of tissue that windows' motions make likely, and how far it may be off anywhere."""
+"""The motion of tissue that measured displacements make likely, and how far it may be off anywhere."""
 
 from __future__ import annotations
 
@@ -9,24 +9,21 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cholesky, solve_triangular
 
 from palpate.core.arrays import FloatArray
+from palpate.imaging.propagation.displacements import Displacements
 from palpate.imaging.propagation.motion_prior import MotionPrior, Sizes, Walls
 from palpate.imaging.propagation.options import PropagationOptions
-from palpate.imaging.propagation.window_motions import WindowMotions
 
 # Points that are asked at once, rounds in which sizes are chosen one after the other, and standard deviations from which on a
-# window contradicts the others.
+# displacement contradicts the others.
 _AT_ONCE, _ROUNDS, _FAR_OFF = 4000, 2, 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class TissueMotion:
-    """Posterior of the displacement: a Gaussian process regression (kriging) of the windows' motions.
-
-    A window's motion is a mean over it: what strain leaves of that, strain times the window's size, counts as noise.
-    """
+    """Posterior of the displacement: a Gaussian process regression (kriging) of measured displacements."""
 
     prior: MotionPrior
-    data: WindowMotions
+    data: Displacements
 
     def at(self, points: FloatArray) -> FloatArray:
         """Displacements (n, 3) mm at points (n, 3) mm."""
@@ -43,8 +40,9 @@ class TissueMotion:
 
     @cached_property
     def unlike(self) -> FloatArray:
-        """What each window's motion differs by from the posterior's (n,), over its noise."""
-        return np.asarray(self._weights * np.sqrt(_noise(self.data, self.prior.options)))
+        """What each displacement differs by from the posterior's (n,), over its error."""
+        error = self.data.covariance
+        return np.asarray((error @ self._weights) / np.sqrt(np.diag(error)))
 
     @cached_property
     def _factor(self) -> tuple[FloatArray, bool]:
@@ -56,8 +54,8 @@ class TissueMotion:
         return np.asarray(cho_solve(self._factor, self.data.along_mm))
 
 
-def tissue_motion(data: WindowMotions, walls: Walls, options: PropagationOptions) -> TissueMotion:
-    """The motion whose sizes make the windows' motions likeliest; windows that contradict the others are left out."""
+def tissue_motion(data: Displacements, walls: Walls, options: PropagationOptions) -> TissueMotion:
+    """The motion whose sizes make the displacements likeliest; those that contradict the others are left out."""
     used = data.at_most(options.most_windows)
     prior = _likeliest(used.at_most(options.asked_windows), walls, options)
     first = TissueMotion(prior, used)
@@ -65,17 +63,27 @@ def tissue_motion(data: WindowMotions, walls: Walls, options: PropagationOptions
     return first if agree.all() else TissueMotion(prior, used.chosen(agree))
 
 
-def _likeliest(data: WindowMotions, walls: Walls, options: PropagationOptions) -> MotionPrior:
+def usual_motion(data: Displacements, walls: Walls, options: PropagationOptions) -> TissueMotion:
+    """The motion with sizes that are usual, at once."""
+    return TissueMotion(_usual(walls, options), data.at_most(options.asked_windows))
+
+
+def _usual(walls: Walls, options: PropagationOptions) -> MotionPrior:
+    far, of_walls = (sizes[len(sizes) // 2] for sizes in (options.far_sizes_mm, options.wall_sizes_mm))
+    return MotionPrior(walls, Sizes(far, tuple(of_walls for _ in walls.surfaces)), options)
+
+
+def _likeliest(data: Displacements, walls: Walls, options: PropagationOptions) -> MotionPrior:
     """Sizes chosen one after the other by marginal likelihood (Rasmussen and Williams 2006, Eq 5.8)."""
-    middle = Sizes(options.far_sizes_mm[len(options.far_sizes_mm) // 2], tuple(2.4 for _ in walls.surfaces))
-    best = MotionPrior(walls, middle, options)
-    known = _log_likelihood(best, data)
+    best = _usual(walls, options)
+    parts = list(best.parts(data.points, data.directions, data.points, data.directions))
+    known = _log_likelihood(best, parts, data)
     for _ in range(_ROUNDS):
         before = best.sizes
         for which in range(1 + len(walls.surfaces)):
             for size in options.far_sizes_mm if which == 0 else options.wall_sizes_mm:
                 other = replace(best, sizes=_with(best.sizes, which, size))
-                likely = _log_likelihood(other, data)
+                likely = _log_likelihood(other, parts, data)
                 if likely > known:
                     best, known = other, likely
         if best.sizes == before:
@@ -90,20 +98,18 @@ def _with(sizes: Sizes, which: int, size: float) -> Sizes:
     return replace(sizes, walls_mm=walls)
 
 
-def _log_likelihood(prior: MotionPrior, data: WindowMotions) -> float:
+def _log_likelihood(prior: MotionPrior, parts: list[FloatArray], data: Displacements) -> float:
+    """parts : see `MotionPrior.parts`; with any sizes."""
+    covariance = data.covariance
+    for variance, part in zip(prior.variances, parts, strict=True):
+        covariance += variance * part
     try:
-        factor = cholesky(_covariance(prior, data), lower=True, overwrite_a=True, check_finite=False)
+        factor = cholesky(covariance, lower=True, overwrite_a=True, check_finite=False)
     except LinAlgError:
         return -np.inf
     white = solve_triangular(factor, data.along_mm, lower=True, check_finite=False)
     return float(-0.5 * white @ white - np.log(np.diag(factor)).sum())
 
 
-def _covariance(prior: MotionPrior, data: WindowMotions) -> FloatArray:
-    out = prior.along(data.points, data.directions, data.points, data.directions)
-    out[np.diag_indices(len(out))] += _noise(data, prior.options)
-    return out
-
-
-def _noise(data: WindowMotions, options: PropagationOptions) -> FloatArray:
-    return data.variance_mm2 + (options.strain * options.window_mm) ** 2
+def _covariance(prior: MotionPrior, data: Displacements) -> FloatArray:
+    return prior.along(data.points, data.directions, data.points, data.directions) + data.covariance
