@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import synthetic_case
 
 from palpate.core.arrays import FloatArray
 from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.propagation.displacements import Displacements
 from palpate.imaging.propagation.drawn_walls import with_carried_walls
-from tests.fixtures import synthetic_case
 
 DEPTH, STATED_MM = 4.0, 1.4
 
