@@ -26,9 +26,6 @@ from palpate.meshing.label_surfaces import organ_surfaces, wall_surface
 from palpate.meshing.partition import HOLE_NAMES
 from palpate.meshing.voxel_errors import organ_voxel_errors, wall_voxel_errors
 
-# Standard deviation of a contour of a person, a model or a file where nobody states one, mm: physicians' prostates differ by 0.7 to 1.7
-# mm between them and by 1.3 to 1.9 mm of one (Nyholm et al. 2013, on MR, where they are drawn more alike than on CT).
-DEFAULT_NOISE_MM = 1.0
 _WALLS = ("bladder", "rectum")
 _ORGAN = (1, 2)
 
@@ -96,8 +93,8 @@ def _wall(labels: Volume, label: int) -> Surface:
 
 
 def facts_of(case: CaseFolder) -> Facts:
-    """Scalars that the model needs. Contour noise is the stated value, else the measured one, else `DEFAULT_NOISE_MM`, which
-    is of surfaces that state no errors of their own (`surface_errors`).
+    """Scalars that the model needs. Contour noise is the stated value, else the measured one, else that of `Facts`, which is of
+    surfaces that state no errors of their own (`surface_errors`).
 
     Raises InputError when noise.json or surface_errors.npz is damaged.
     """
@@ -105,7 +102,7 @@ def facts_of(case: CaseFolder) -> Facts:
     measured = None if facts.boundary_noise_sd_mm is not None else measured_noise(case)
     estimated = StatedErrors(case)
     usual = estimated.correlation_mm if estimated else Facts.noise_correlation_mm
-    sd, length = measured or (facts.boundary_noise_sd_mm or DEFAULT_NOISE_MM, usual)
+    sd, length = measured or (facts.boundary_noise_sd_mm or Facts.noise_sd_mm, usual)
     return Facts(
         tissue_shear_modulus_kpa=facts.tissue_shear_modulus_kpa,
         tissue_poisson_ratio=facts.tissue_poisson_ratio,

@@ -13,11 +13,12 @@ from made_up_body import body
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import CaseFolder
 from palpate.case.measured_noise import measured_noise
-from palpate.case.problem import DEFAULT_NOISE_MM, facts_of
+from palpate.case.problem import facts_of
 from palpate.case.steps import measure_contour_noise
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_noise import EXTRACTION_LENGTH_MM, EXTRACTION_MM, matern_3_2, smooth_covariance
 from palpate.core.observe.repeat_contours import repeat_of
+from palpate.core.problem import Facts
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.contours.nifti_labels import write_labels
 from palpate.ui.cli.commands import identify
@@ -68,7 +69,7 @@ def test_a_case_goes_by_what_was_measured_unless_it_states_its_own(tmp_path: Pat
     shifted = np.eye(4)
     shifted[:3, 3] = [1.0, 0.0, 0.0]
     write_labels(tmp_path / "again.nii.gz", labels.moved(shifted))
-    assert measured_noise(case) is None and facts_of(case).noise_sd_mm == DEFAULT_NOISE_MM
+    assert measured_noise(case) is None and facts_of(case).noise_sd_mm == Facts.noise_sd_mm
     noise = measure_contour_noise.run(case, {"rest": tmp_path / "again.nii.gz"})
     # Moved by 1 mm along one axis: 1 / sqrt 3 mm rms along the normal of a ball, shared by two drawings.
     assert noise["states"]["rest"]["apart_mm"] == pytest.approx(0.58, abs=0.12)

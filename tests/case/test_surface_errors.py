@@ -11,12 +11,12 @@ from triangle_shapes import ball
 
 from palpate.case.case_facts import CaseFacts
 from palpate.case.case_folder import STATES, CaseFolder
-from palpate.case.problem import DEFAULT_NOISE_MM, facts_of, noise_source
+from palpate.case.problem import facts_of, noise_source
 from palpate.case.stated_files import ERRORS_FILE, further_files
 from palpate.case.surface_errors import StatedErrors, write_surface_errors
 from palpate.core.errors import InputError
 from palpate.core.observe.contour_errors import ContourErrors
-from palpate.core.problem import SurfacePair
+from palpate.core.problem import Facts, SurfacePair
 from palpate.imaging.labels import RECTUM
 from palpate.imaging.propagation.options import PropagationOptions
 from palpate.imaging.volume import Volume
@@ -145,7 +145,9 @@ def test_a_stated_or_measured_error_comes_first(case: CaseFolder) -> None:
 
 def test_without_the_file_the_error_is_assumed(tmp_path: Path) -> None:
     case = CaseFolder.create(tmp_path / "bare", CaseFacts("c"))
-    assert noise_source(case) == "assumed" and facts_of(case).noise_sd_mm == DEFAULT_NOISE_MM and not StatedErrors(case)
+    assert (
+        noise_source(case) == "assumed" and facts_of(case).noise_sd_mm == Facts.noise_sd_mm and not StatedErrors(case)
+    )
     write_surface_errors(case, {"rest": {}, "deformed": {}})
     assert noise_source(case) == "assumed" and not StatedErrors(case)
 
