@@ -31,8 +31,10 @@ class Displacements:
     def chosen(self, keep: BoolArray) -> Displacements:
         """Some of them."""
         of_last = keep[len(keep) - len(self.together_mm2) :]
-        arrays = (a[keep] for a in (self.points, self.directions, self.along_mm, self.variance_mm2))
-        return Displacements(*arrays, self.together_mm2[np.ix_(of_last, of_last)])
+        together = self.together_mm2[np.ix_(of_last, of_last)]
+        return Displacements(
+            self.points[keep], self.directions[keep], self.along_mm[keep], self.variance_mm2[keep], together
+        )
 
     def at_most(self, count: int) -> Displacements:
         """Evenly drawn, at most so many, from those whose errors are each by itself; the same ones each time. All others stay."""
@@ -45,6 +47,10 @@ class Displacements:
 
     def joined(self, other: Displacements) -> Displacements:
         """These, none of whose errors go together, and others behind them."""
-        names = ("points", "directions", "along_mm", "variance_mm2")
-        both = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in names)
-        return Displacements(*both, other.together_mm2)
+        return Displacements(
+            np.concatenate([self.points, other.points]),
+            np.concatenate([self.directions, other.directions]),
+            np.concatenate([self.along_mm, other.along_mm]),
+            np.concatenate([self.variance_mm2, other.variance_mm2]),
+            other.together_mm2,
+        )
