@@ -13,6 +13,7 @@ from palpate.core.problem import IdentificationProblem, SurfacePair
 from palpate.core.surfaces.surface import Surface
 from palpate.imaging.propagation.displacements import Displacements
 from palpate.imaging.propagation.drawn_walls import with_carried_walls
+from palpate.imaging.propagation.window_motions import along_axes
 
 DEPTH, STATED_MM = 4.0, 1.4
 
@@ -101,6 +102,27 @@ def test_a_wall_that_images_alone_carried_over_stays() -> None:
     case = _case(off=True, stated_mm=1.0)
     carried = replace(case.walls["rectum"], carried_to="deformed")
     assert with_carried_walls(replace(case, walls={"rectum": carried})).walls["rectum"] is carried
+
+
+def _stated(case: IdentificationProblem) -> float:
+    return _rms(_error(with_carried_walls(case).walls["rectum"])[1])
+
+
+def test_voxels_of_the_labels_make_a_wall_less_sure() -> None:
+    case = _case(off=False, stated_mm=0.1)
+    pair = case.walls["rectum"]
+    draws = np.random.default_rng(3).normal(0.0, 1.5, (24, len(pair.deformed.points)))
+    coarse = replace(pair, deformed=replace(pair.deformed, voxel_errors=draws))
+    assert _stated(replace(case, walls={"rectum": coarse})) > 1.1 * _stated(case)
+
+
+def test_wide_windows_tell_less_of_tissue_that_strains() -> None:
+    case = _case(off=False, stated_mm=1.0)
+    assert case.matched is not None
+    wide = replace(case.matched, correlation_mm=20.0)
+    assert _stated(replace(case, matched=wide)) > 1.1 * _stated(case)
+    told = along_axes(np.zeros((1, 3)), np.ones((1, 3)), np.diag([4.0, 16.0, 0.5])[None], strained_mm=0.3)
+    assert np.allclose(told.variance_mm2, [0.25 + 0.09, 0.0625 + 0.09]), "a direction of less than 1 mm is told"
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
