@@ -45,8 +45,9 @@ def with_carried_walls(
 
     Unchanged where no image tells a motion. A wall that only the images carried over stays as it is.
     """
-    matched, drawn = problem.matched, _drawn(problem)
-    if matched is None or not matched.is_of_one_body or not drawn:
+    matched = problem.matched
+    drawn = _drawn(problem) if matched is not None and matched.is_of_one_body else {}
+    if matched is None or not drawn:
         return problem
     motion = _motion(problem, drawn, matched, options or PropagationOptions())
     carried = {name: _carried(wall, motion) for name, wall in drawn.items()}

@@ -44,8 +44,8 @@ class Walls:
         """Of each wall, the displacement (n, 3) at points (n, 3) mm that a unit of its normal motion causes."""
         out = []
         for surface, tree in zip(self.surfaces, self._trees, strict=True):
-            away, near = tree.query(points, k=min(_ASKED, len(surface.points)))
-            away, near = away.reshape(len(points), -1), near.reshape(len(points), -1)
+            k = min(_ASKED, len(surface.points))
+            away, near = (found.reshape(len(points), k) for found in tree.query(points, k=k))
             weight = np.exp(-0.5 * ((away - away[:, :1]) / _WIDTH_MM) ** 2)
             normal = np.einsum("nk,nka->na", weight, surface.normals[near])
             normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)

@@ -98,6 +98,15 @@ def test_walls_stay_where_no_image_tells_a_motion() -> None:
         assert with_carried_walls(other) is other
 
 
+def test_the_contour_decides_where_no_window_is_near() -> None:
+    case = _case(off=False, stated_mm=0.1)
+    assert case.matched is not None
+    far = replace(case.matched, points=case.matched.points + 500.0)
+    off, stated = _error(with_carried_walls(replace(case, matched=far)).walls["rectum"])
+    assert _rms(off) < 0.25
+    assert np.isfinite(stated).all()
+
+
 def test_a_wall_that_images_alone_carried_over_stays() -> None:
     case = _case(off=True, stated_mm=1.0)
     carried = replace(case.walls["rectum"], carried_to="deformed")
