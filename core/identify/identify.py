@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,11 @@ from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.pair.contours_alone import misleading_contours
 from palpate.core.identify.swarm_run import SwarmOutcome
 from palpate.core.identify.swarm_stage import search_with_swarm
 from palpate.core.identify.uneven_regions import UNEVEN_SD, uneven_responses
-from palpate.core.inference.posterior import Posterior
+from palpate.core.inference.posterior import Posterior, flat
 from palpate.core.residual.case_data import load_state
 from palpate.core.residual.fit_file import FILE, FitQuestion, save_fit
 from palpate.core.residual.fit_options import FitOptions
@@ -46,9 +48,9 @@ class Solution:
 class Identification:
     """Result of one identification.
 
-    fit : the plain model where it fits best; its posterior is the answer. solutions : of every deformed state. swarm :
-    result of the swarm, None without that method. reduced_evaluations : of the reduced models. seconds : wall-clock
-    time.
+    fit : the plain model where it fits best; its posterior is the answer, unless contours alone mislead. solutions : of
+    every deformed state. swarm : result of the swarm, None without that method. reduced_evaluations : of the reduced
+    models. seconds : wall-clock time.
     """
 
     fit: FoundFit
@@ -62,10 +64,15 @@ class Identification:
         """Parameters (t,) as in `StiffnessParameters`."""
         return self.fit.linearisation.theta
 
+    @cached_property
+    def untold(self) -> str:
+        """Why the fit's stiffness is no answer (`misleading_contours`); "" where it is one."""
+        return misleading_contours(self.fit)
+
     @property
     def posterior(self) -> Posterior:
-        """Of all of theta."""
-        return self.fit.posterior
+        """Of all of theta; that of data without information where the fit is no answer."""
+        return flat(self.fit.bounds) if self.untold else self.fit.posterior
 
     @property
     def scene(self) -> CompositionScene:

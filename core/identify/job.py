@@ -69,8 +69,8 @@ def run(job: Job, reporter: Reporter) -> IdentificationRecord:
         save_checkpoint(Path(job.folder) / MAP_FILE, stiffness.arrays(), fingerprint)
     names = identification.scene.problem.region_names
     result = _result(identification, options, None if stiffness is None else _map_record(stiffness, names))
-    as_a_whole = motion_in_words(identification.fit, laid[0][1])
-    return msgspec.structs.replace(result, notes=[as_a_whole, *result.notes]) if as_a_whole else result
+    why = identification.untold or motion_in_words(identification.fit, laid[0][1])
+    return msgspec.structs.replace(result, notes=[why, *result.notes]) if why else result
 
 
 def problem_files(job: Job) -> list[Path]:
@@ -80,7 +80,7 @@ def problem_files(job: Job) -> list[Path]:
 
 
 def _mapped(identification: Identification, options: IdentifyOptions, reporter: Reporter) -> StiffnessMap | None:
-    if not options.stiffness_map or options.boundary != "coupled":
+    if not options.stiffness_map or options.boundary != "coupled" or identification.untold:
         return None
     return stiffness_map(
         identification.fit,
@@ -121,7 +121,7 @@ def _result(
         identifiability=IdentifiabilityRecord(
             singular_values=posterior.singular_values.tolist(),
             mu1_mu2_separable=separable(parameters, posterior),
-            verdict=verdict(names, identification.stiffness, shares, options.other_law),
+            verdict=verdict(names, identification.stiffness, shares, options.other_law, identification.untold),
         ),
         misfit=msgspec.structs.replace(
             states[0],

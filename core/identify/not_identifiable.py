@@ -18,16 +18,14 @@ from palpate.core.identify.result_record import (
     MisfitRecord,
     SolverRecord,
 )
-from palpate.core.inference.posterior import Posterior, laplace
+from palpate.core.inference.posterior import Posterior, flat
 from palpate.core.problem import IdentificationProblem
 
 
 def prior_of(problem: IdentificationProblem) -> Posterior:
     """Prior of ln G as a `Posterior`: the result of data without information."""
-    bounds = StiffnessParameters(
-        problem.regions, problem.facts
-    ).bounds  # of G alone; mu1 and mu2 have no prior of their own here
-    return laplace(bounds.mean(axis=1), np.zeros(1), np.zeros((1, len(bounds))), bounds)
+    # Of G alone: mu1 and mu2 have no prior of their own here.
+    return flat(StiffnessParameters(problem.regions, problem.facts).bounds)
 
 
 def nothing_found(

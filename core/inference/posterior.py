@@ -127,6 +127,11 @@ def laplace(
     return Posterior(theta, covariance, singular, float(np.sqrt(scale)), bounds)
 
 
+def flat(bounds: FloatArray) -> Posterior:
+    """Posterior of data without information: as wide as a flat prior over bounds (t, 2), about its middle."""
+    return laplace(bounds.mean(axis=1), np.zeros(1), np.zeros((1, len(bounds))), bounds)
+
+
 def prior_precision(bounds: FloatArray) -> FloatArray:
     """Precision (t,) of a normal as wide as a flat prior over bounds (t, 2)."""
     return np.asarray(12.0 / (bounds[:, 1] - bounds[:, 0]) ** 2)
@@ -147,18 +152,22 @@ def as_before(sd: FloatArray, bounds: FloatArray) -> BoolArray:
     return np.asarray(sd > _BLIND / np.sqrt(prior_precision(bounds)))
 
 
-def verdict(names: tuple[str, ...], posterior: Posterior, shares: Posterior | None = None, other_law: str = "") -> str:
+def verdict(
+    names: tuple[str, ...], posterior: Posterior, shares: Posterior | None = None, other_law: str = "", untold: str = ""
+) -> str:
     """In words: which regions' stiffness this pair of scans tells, and how well.
 
     posterior : of ln G of each region. shares : of mu1 / (mu1 + mu2), where they were looked for. other_law : than Mooney-Rivlin.
+    untold : why nothing is told, where that is not for the size of the deformation.
     """
     parts = []
     blind = unknown(posterior)
     if blind.all():
-        parts.append(f"nothing can be identified: {_TOO_SMALL if posterior.scale < _FAR_ABOVE else _TOO_LARGE}")
-    for name, (low, high), untold in zip(names, posterior.ends(), blind, strict=True):
+        of_deformation = _TOO_SMALL if posterior.scale < _FAR_ABOVE else _TOO_LARGE
+        parts.append(f"nothing can be identified: {untold or of_deformation}")
+    for name, (low, high), as_wide in zip(names, posterior.ends(), blind, strict=True):
         label, half = name.replace("_", " "), 0.5 * (high - low)
-        if untold:
+        if as_wide:
             parts.append(f"{label}: not identifiable, this pair says no more than the allowed range did")
         elif half < 0.2:
             parts.append(f"{label}: known within {100 * np.expm1(half):.0f} % (95 %)")
