@@ -15,12 +15,12 @@ from palpate.core.fem.newton.newton import Equilibrium
 from palpate.core.fem.state import State
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.identify.options import IdentifyOptions
-from palpate.core.identify.pair.contours_alone import misleading_contours
 from palpate.core.identify.swarm_run import SwarmOutcome
 from palpate.core.identify.swarm_stage import search_with_swarm
 from palpate.core.identify.uneven_regions import UNEVEN_SD, uneven_responses
-from palpate.core.inference.posterior import Posterior, flat
+from palpate.core.inference.posterior import Posterior
 from palpate.core.residual.case_data import load_state
+from palpate.core.residual.contours_alone import answer, misleading_contours
 from palpate.core.residual.fit_file import FILE, FitQuestion, save_fit
 from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation, JointModel, apart
@@ -72,7 +72,7 @@ class Identification:
     @property
     def posterior(self) -> Posterior:
         """Of all of theta; that of data without information where the fit is no answer."""
-        return flat(self.fit.bounds) if self.untold else self.fit.posterior
+        return answer(self.fit)
 
     @property
     def scene(self) -> CompositionScene:

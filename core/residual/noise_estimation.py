@@ -20,10 +20,10 @@ from scipy.special import logsumexp
 
 from palpate.core.arrays import BoolArray, FloatArray
 from palpate.core.inference.evidence import Directions, Products, log_evidence_of
+from palpate.core.inference.restricted_likelihood import restricted
 from palpate.core.residual.covariance_family import CovarianceFamily
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.noise_model_options import NoiseModelOptions
-from palpate.core.residual.restricted_likelihood import restricted
 from palpate.core.residual.variance_model import NoisePart, points_of
 
 

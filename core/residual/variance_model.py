@@ -18,7 +18,7 @@ from scipy.special import logsumexp, ndtri, softmax
 from scipy.stats import multivariate_normal, qmc
 
 from palpate.core.arrays import FloatArray
-from palpate.core.residual.restricted_likelihood import restricted_with_gradient
+from palpate.core.inference.restricted_likelihood import restricted_with_gradient
 
 # Numerical: step of the differences of the gradient, in a prior's standard deviations; seed of the quasi-random points.
 _STEP, _SEED = 1e-3, 1

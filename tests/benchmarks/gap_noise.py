@@ -20,10 +20,10 @@ from palpate.case.case_data import data_of
 from palpate.case.case_folder import CaseFolder
 from palpate.case.steps import mesh
 from palpate.core.arrays import FloatArray
+from palpate.core.inference.restricted_likelihood import restricted
 from palpate.core.observe.wall_motion import WallMotion
 from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes
 from palpate.core.residual.plain_fit import PlainFit, fit_plain
-from palpate.core.residual.restricted_likelihood import restricted
 from palpate.core.residual.unknown_field import UnknownDiscrepancy
 from palpate.core.worker.executors import one_thread
 

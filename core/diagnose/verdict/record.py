@@ -26,6 +26,7 @@ from palpate.core.diagnose.verdict.stiffness_with_effect import leading
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
 from palpate.core.diagnose.verdict.words import next_measurement, sentence
 from palpate.core.inference.posterior import as_before
+from palpate.core.residual.contours_alone import answer, misleading_contours
 from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.statistics import rms
 
@@ -189,7 +190,7 @@ def _stiffness_with(
 
 def _plain_stiffness(diagnosis: Diagnosis) -> dict[str, FittedStiffnessRecord]:
     """Without an effect, to the last digit what `identify` reports."""
-    posterior, names = diagnosis.fit.posterior, diagnosis.fit.model.first.plain.problem.region_names
+    posterior, names = answer(diagnosis.fit), diagnosis.fit.model.first.plain.problem.region_names
     columns = zip(np.exp(posterior.mean), posterior.sd_kpa(), posterior.sd, posterior.interval().tolist(), strict=True)
     found = [FittedStiffnessRecord(float(G), float(sd), float(s), (low, high)) for G, sd, s, (low, high) in columns]
     return {names[region]: one for region, one in zip(sorted(names), found, strict=False)}
@@ -197,7 +198,8 @@ def _plain_stiffness(diagnosis: Diagnosis) -> dict[str, FittedStiffnessRecord]:
 
 def _flags(diagnosis: Diagnosis, shown: Refit | None) -> list[str]:
     fit, rules = diagnosis.fit, diagnosis.rules
-    out = []
+    untold = misleading_contours(fit)
+    out = [f"stiffness: {untold}"] if untold else []
     fits = [("without", fit.linearisation.theta, plain_stiffness(fit)[1])]
     fits += [] if shown is None else [("with", shown.linearisation.theta, shown.covariance)]
     for what, theta, covariance in fits:

@@ -10,8 +10,8 @@ from scipy.optimize import check_grad
 from scipy.special import logsumexp
 from scipy.stats import norm
 
+from palpate.core.inference.restricted_likelihood import restricted, restricted_with_gradient
 from palpate.core.observe.contour_noise import smooth_covariance
-from palpate.core.residual.restricted_likelihood import restricted, restricted_with_gradient
 from palpate.core.residual.variance_model import NoisePart, VarianceModel, points_of
 
 RNG = np.random.default_rng(3)

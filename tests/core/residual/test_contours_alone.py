@@ -13,9 +13,10 @@ import synthetic_case
 
 from palpate.core.files.json_types import plain
 from palpate.core.identify.job import run
-from palpate.core.identify.pair import contours_alone
-from palpate.core.identify.pair.contours_alone import contour_error_mm, misleading_contours
+from palpate.core.inference.posterior import unknown
 from palpate.core.observe.contour_errors import ContourErrors
+from palpate.core.residual import contours_alone
+from palpate.core.residual.contours_alone import answer, contour_error_mm, misleading_contours
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
 
@@ -49,6 +50,16 @@ def test_half_a_millimetre_is_the_limit() -> None:
     assert "one errs by about 0.6 mm" in misleading_contours(fit(0.6, 1.0))
     assert misleading_contours(fit(1.5, 0.4)), "an error that was stated too small"
     assert misleading_contours(fit(0.45, 1.0)) == "", "one that was stated too large"
+
+
+@pytest.mark.usefixtures("as_stated")
+def test_the_answer_is_the_fit_or_what_was_allowed() -> None:
+    good, bad = fit(0.4, 1.0), fit(0.6, 1.0)
+    good.posterior = bad.posterior = "of the fit"
+    bad.bounds = np.log([[5.0, 500.0], [5.0, 500.0]])
+    assert answer(good) == "of the fit"
+    np.testing.assert_allclose(answer(bad).mean, np.log(50.0))
+    assert unknown(answer(bad)).all()
 
 
 @pytest.mark.usefixtures("as_stated")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from palpate.core.inference.posterior import Posterior, flat
 from palpate.core.residual.noise_covariance import organ_errors
 from palpate.core.residual.plain_fit import PlainFit
 
@@ -29,6 +30,11 @@ def misleading_contours(fit: PlainFit) -> str:
         "by more than an interval would say; to tell the stiffness, use the images of both scans, landmarks, or contours drawn with "
         "more care"
     )
+
+
+def answer(fit: PlainFit) -> Posterior:
+    """What a fit says of theta: its posterior, or that of data without information where contours alone mislead."""
+    return flat(fit.bounds) if misleading_contours(fit) else fit.posterior
 
 
 def contour_error_mm(fit: PlainFit) -> float:
