@@ -67,8 +67,10 @@ def different(swarm: Mapping[str, float], gauss_newton: Mapping[str, float], apa
 def too_large(scale: float) -> str:
     """Note on a weighted residual that exceeds the noise. It names no distance: the misfit is the one figure of that.
 
-    scale : ratio of its square to that of the noise (`Posterior.scale`).
+    scale : ratio of its square to that of the noise (`Posterior.scale`). "" where two digits do not show it.
     """
+    if round(scale, 2) <= 1.0:
+        return ""
     return f"the weighted residual is {scale:.2f} times what the stated noise explains: intervals are widened by that factor"
 
 
@@ -84,8 +86,8 @@ def notes(result: Identification, names: tuple[str, ...]) -> list[str]:
         out.append(searches.in_words)
     if not result.starts_agree:
         out.append(f"Gauss-Newton ends at different stiffnesses from different starts: {_ends(result, names)}")
-    if result.posterior.scale > 1.0:
-        out.append(too_large(result.posterior.scale))
+    if widened := too_large(result.posterior.scale):
+        out.append(widened)
     for name, values in parameter_facts(names, result.scene.parameters, result.posterior).items():
         if values.at_bound:
             out.append(

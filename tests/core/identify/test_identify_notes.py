@@ -53,3 +53,7 @@ def test_one_search_alone_has_nothing_to_differ_from() -> None:
 def test_a_large_residual_is_one_figure_beside_the_misfit() -> None:
     words = too_large(1.89)
     assert "1.89 times" in words and " mm" not in words and "misfit" not in words
+
+
+def test_a_residual_that_two_digits_do_not_show_is_no_note() -> None:
+    assert too_large(1.0) == "" and too_large(1.004) == "" and "1.01 times" in too_large(1.01)
