@@ -18,7 +18,7 @@ from palpate.core.identify.result_record import (
     MisfitRecord,
     SolverRecord,
 )
-from palpate.core.inference.posterior import Posterior, flat
+from palpate.core.inference.posterior import NOTHING, Posterior, flat
 from palpate.core.problem import IdentificationProblem
 
 
@@ -43,7 +43,7 @@ def nothing_found(
         identifiability=IdentifiabilityRecord(
             singular_values=[0.0] * len(names),
             mu1_mu2_separable=False,
-            verdict=f"nothing can be identified: {no_information.in_words}; "
+            verdict=f"{NOTHING}: {no_information.in_words}; "
             "the stiffness given is the middle of what was allowed, its interval the whole of it",
         ),
         misfit=_misfit(problem, no_information),

@@ -21,6 +21,7 @@ _LEAST = 1e-4
 _FAR_ABOVE = 2.0
 # Probability within one standard deviation of a normal distribution.
 _ONE_SD = 0.6827
+NOTHING = "nothing can be identified"
 _TOO_SMALL = "the deformation this pair shows is too small against the contours' error"
 _TOO_LARGE = "the model misses the second scan by far more than the contours' error"
 
@@ -164,7 +165,7 @@ def verdict(
     blind = unknown(posterior)
     if blind.all():
         of_deformation = _TOO_SMALL if posterior.scale < _FAR_ABOVE else _TOO_LARGE
-        parts.append(f"nothing can be identified: {untold or of_deformation}")
+        parts.append(f"{NOTHING}: {untold or of_deformation}")
     for name, (low, high), as_wide in zip(names, posterior.ends(), blind, strict=True):
         label, half = name.replace("_", " "), 0.5 * (high - low)
         if as_wide:

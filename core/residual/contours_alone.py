@@ -27,8 +27,7 @@ def misleading_contours(fit: PlainFit) -> str:
         return ""
     return (
         f"contours are all that is seen, and one errs by about {error:.1f} mm, as this pair shows it: above {_MOST_MM} mm they mislead, "
-        "by more than an interval would say; to tell the stiffness, use the images of both scans, landmarks, or contours drawn with "
-        "more care"
+        "by more than an interval would say, and the images of both scans, landmarks, or contours drawn with more care are needed"
     )
 
 

@@ -7,6 +7,7 @@ from scipy.special import ndtr
 
 from palpate.case.missing import AUTOMATIC_CONTOURS, at_bounds
 from palpate.core.files.json_types import known
+from palpate.core.inference.posterior import NOTHING
 from palpate.ui.report.diagnosis_words import diagnosis_sentence, gap_is_seen
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.report.regions import RegionStiffness
@@ -56,9 +57,16 @@ def summary(record: CaseRecord) -> list[str]:
 def first_sentences(record: CaseRecord) -> list[str]:
     """What must be read first: that the pair tells nothing, what is missing; then what was found."""
     nothing = not any(region.determined for region in record.regions)
-    sentences = [NOTHING_DETERMINED] * nothing + [f"{MISSING}{line}." for line in what_lacks(record)]
+    sentences = [NOTHING_DETERMINED, *_why_nothing(record)] if nothing else []
+    sentences += [f"{MISSING}{line}." for line in what_lacks(record)]
     sentences += [WAY_OUT] if too_rough(record) else []
     return sentences if nothing else [*sentences, headline(record)]
+
+
+def _why_nothing(record: CaseRecord) -> list[str]:
+    """The reason that the identification gives, as a sentence; none where it gives none."""
+    says, _, why = record.result.identifiability.verdict.partition("; ")[0].partition(": ")
+    return [f"{why[:1].upper()}{why[1:]}."] if says == NOTHING and why else []
 
 
 def headline(record: CaseRecord) -> str:

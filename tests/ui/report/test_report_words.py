@@ -64,6 +64,18 @@ def test_summary_is_plain_about_what_is_no_measurement() -> None:
         assert any("does not determine the stiffness of the right half" in s for s in summary(record(found))) == untold
 
 
+def test_a_pair_that_tells_nothing_says_why_in_its_second_sentence() -> None:
+    found = result()
+    for values in found["parameters"].values():
+        values["ci95_kpa"] = [5.2, 480.0]
+    assert "nothing" not in found["identifiability"]["verdict"]
+    without = summary(record(found))
+    found["identifiability"]["verdict"] = (
+        "nothing can be identified: contours err: they mislead; prostate left: not identifiable"
+    )
+    assert summary(record(found)) == [NOTHING_DETERMINED, "Contours err: they mislead.", *without[1:]]
+
+
 def test_summary_weighs_the_misfit_against_the_noise() -> None:
     good, bad = result(), result()
     bad["misfit"]["rms_mm"] = 1.9
