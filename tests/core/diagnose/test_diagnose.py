@@ -251,6 +251,16 @@ def test_the_stiffness_without_an_effect_is_the_fits_own(none: Diagnosis) -> Non
     assert [s["G_kpa"] for s in written.values()] == np.exp(theta).tolist()
 
 
+def test_contours_that_mislead_tell_a_diagnosis_no_stiffness_either(none: Diagnosis) -> None:
+    rough = replace(none.fit, sizes=replace(none.fit.sizes, contour=20.0))  # times the 0.08 mm that the case states
+    written = plain(record(replace(none, fit=rough), "a case"))
+    assert written["flags"][0].startswith("stiffness: contours are all that is seen, and one errs by about 1.6 mm")
+    low, high = none.fit.model.first.plain.problem.facts.bounds_kpa
+    for values in written["stiffness"]["without_effect"].values():
+        assert values["ci95_kpa"][0] < 1.15 * low and values["ci95_kpa"][1] > high / 1.15
+    assert not any("contours are all" in flag for flag in plain(record(none, "a case"))["flags"])
+
+
 def test_the_stiffness_with_a_sure_effect_is_over_its_variants(wide: Diagnosis) -> None:
     best = next(f for f in wide.refits if f.hypothesis.effect.id == "contour_bias")
     sure = replace(wide.verdict, probability={"contour_bias": 1.0})
