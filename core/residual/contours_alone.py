@@ -1,7 +1,7 @@
 """Whether contours that stand alone are sure enough to tell a stiffness.
 
-Contours that err together over a side of the organ drive the model by a wrong load and give it a wrong shape. The interval counts that
-to first order only. Images and landmarks see the motion itself.
+Contours that err together over a side of the organ drive the model by a wrong load and give it a wrong shape. Intervals were found too
+narrow there, and why is not settled. Images and landmarks see the motion itself.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from palpate.core.inference.posterior import Posterior, flat
 from palpate.core.residual.noise_covariance import organ_errors
 from palpate.core.residual.plain_fit import PlainFit
 
-# Largest error of one contour, mm, as the pair itself shows it, with which contours alone tell a stiffness. Measured on simulated pairs
-# of real CTs: contours 0.4 mm off are found to err by 0.4 to 0.5 mm (four pairs), and 7 of 8 intervals hold; contours 1 mm off by 0.6 to
+# Largest error of one contour, mm, as the pair itself shows it, with which contours alone tell a stiffness. Chosen between two sizes that
+# were tried on simulated pairs of real CTs, and tried on no others: contours 0.4 mm off are found to err by 0.4 to 0.5 mm (four pairs), and 7 of 8 intervals hold; contours 1 mm off by 0.6 to
 # 1.1 mm (eight pairs), and 6 of 16 values lie 3 to 4 standard deviations from the truth.
 _MOST_MM = 0.5
 
@@ -32,7 +32,7 @@ def misleading_contours(fit: PlainFit) -> str:
 
 
 def answer(fit: PlainFit) -> Posterior:
-    """What a fit says of theta: its posterior, or that of data without information where contours alone mislead."""
+    """What a fit says of theta (t,): its posterior, or that of data without information where contours alone mislead."""
     return flat(fit.bounds) if misleading_contours(fit) else fit.posterior
 
 
