@@ -13,8 +13,9 @@ from palpate.core.residual.noise_covariance import organ_errors
 from palpate.core.residual.plain_fit import PlainFit
 
 # Largest error of one contour, mm, as the pair itself shows it, with which contours alone tell a stiffness. Chosen between two sizes that
-# were tried on simulated pairs of real CTs, and tried on no others: contours 0.4 mm off are found to err by 0.4 to 0.5 mm (four pairs), and 7 of 8 intervals hold; contours 1 mm off by 0.6 to
-# 1.1 mm (eight pairs), and 6 of 16 values lie 3 to 4 standard deviations from the truth.
+# were tried on simulated pairs of real CTs, and tried on no others: contours 0.4 mm off are found to err by 0.4 to 0.5 mm (four pairs),
+# and 7 of 8 intervals hold; contours 1 mm off by 0.6 to 1.1 mm (eight pairs), and 6 of 16 values lie 3 to 4 standard deviations from
+# the truth.
 _MOST_MM = 0.5
 
 
