@@ -95,6 +95,26 @@ class SlidingOrgan:
         return np.where(layer, 1.0 / self.softer, 1.0), np.ones(len(mesh.cells))
 
 
+@dataclass(frozen=True)
+class Capsule:
+    """A stiff or soft rind of the organ, for which the diagnosis has no name.
+
+    thickness_mm : cells of the organ whose middle lies so near to its surface are in it. factor : of all moduli.
+    """
+
+    thickness_mm: float
+    factor: float
+
+    def factors(self, mesh: TetMesh) -> tuple[FloatArray, FloatArray]:
+        """See `HiddenEffect`."""
+        surface = TriangleTree.of(mesh.points, mesh.region_boundary(ORGAN_LABELS)[0])
+        near = closest_points(surface, _centres(mesh)).distance < self.thickness_mm
+        rind = near & np.isin(mesh.regions, ORGAN_LABELS)
+        _require(rind, "capsule: no cell of the organ lies so near to its surface; give a larger thickness_mm")
+        both = np.where(rind, self.factor, 1.0)
+        return both, both
+
+
 def with_effects(
     mesh: TetMesh, materials: Mapping[int, Material], hidden: Sequence[HiddenEffect]
 ) -> dict[int, Material]:

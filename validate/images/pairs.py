@@ -29,6 +29,8 @@ EDGE_MM, ELEMENT = 4.8, "p2p0"
 # focus's radius, mm, and how far from its half's centroid it lies along each axis, how far from the organ's centroid tissue changes,
 # how thick the layer is in which the organ slides, mm, and how much softer: of half that thickness its cells fold over themselves.
 FACTOR, RADIUS_MM, OFFSET_MM, FROM_MM, LAYER_MM, SOFTER = (3.0, 10.0), (7.0, 10.0), 5.0, (-3.0, 6.0), 6.0, (4.0, 20.0)
+# How thick an organ's rind is, mm: a cell's edge and more.
+RIND_MM = (5.0, 8.0)
 SOFT_SHARE = 0.4
 # What else may differ in the second scan, in every second pair of each scan: each with this probability.
 CHANGES, CHANGE_SHARE = ("contrast", "kernel", "noise", "streaks"), 0.5
@@ -60,14 +62,15 @@ def make_pair(options: ImagesOptions, number: int, folder: Path) -> bool:
     low, high = np.log(STIFFNESS_KPA)
     stiffness = np.exp(rng.uniform(low, high, 2)).round(1)
     effect = options.hide[number % len(options.hide)] if options.hide else None
-    hidden = {} if effect is None else {effect: HIDE[effect](np.random.default_rng([options.seed, number, 87]))}
+    drawn = HIDE[effect](np.random.default_rng([options.seed, number, 87])) if effect else {}
+    hidden = {effect: drawn} if drawn else {}
     changes = _changes(np.random.default_rng([options.seed, number, 88])) if number // len(options.scans) % 2 else ()
     # Were it the CT's own in all of them, the pairs of one CT would share half of their noise.
     rest_noise = "own" if number < len(options.scans) else "anew"
     reasons = []
     for _ in range(ATTEMPTS):
-        drawn = drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng, changes, rest_noise)
-        spec = {**drawn, "hidden": hidden}
+        plain = drawn_spec(ct.absolute(), labels.absolute(), stiffness, rng, changes, rest_noise)
+        spec = {**plain, "hidden": hidden}
         if options.contour_error is not None:
             sd, length = options.contour_error
             spec |= {"contour_noise_sd_mm": sd, "noise_correlation_mm": length}
@@ -152,14 +155,24 @@ def _sliding(rng: np.random.Generator) -> Specification:
     return {"layer_mm": LAYER_MM, "softer": float(np.exp(rng.uniform(*np.log(SOFTER))))}
 
 
+def _capsule(rng: np.random.Generator) -> Specification:
+    return {"thickness_mm": float(rng.uniform(*RIND_MM)), "factor": _factor(rng)}
+
+
+def _nothing(rng: np.random.Generator) -> Specification:
+    return {}
+
+
 def _factor(rng: np.random.Generator) -> float:
     size = float(np.exp(rng.uniform(*np.log(FACTOR))))
     return 1.0 / size if rng.random() < SOFT_SHARE else size
 
 
-# Effects of `palpate simulate` that a pair can hide, by name.
+# What a pair can hide, by name: effects of `palpate simulate`, of which the diagnosis has no name for a capsule, or nothing.
 HIDE: Mapping[str, Callable[[np.random.Generator], Specification]] = {
     "inclusion": _inclusion,
     "tissue_heterogeneity": _uneven_tissue,
     "interface_sliding": _sliding,
+    "capsule": _capsule,
+    "nothing": _nothing,
 }

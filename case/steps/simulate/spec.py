@@ -9,7 +9,8 @@ Every key may be left out but ``stiffness_kpa`` and ``walls``; the example shows
      "walls": {"contact": "gliding",          or "tied": every point of a wall goes where the motion says
                "rectum": {"inflate_mm": 9, "bias": [0, 0], "push_mm": [0, 0, 0], "middle_mm": 0, "half_length_mm": 36},
                "bladder": {"balance": 0.9, "volume_change_cc": null, "push_mm": [0, 0, 0]}},
-     "hidden": {},                            what no analysis is told: "inclusion", "tissue_heterogeneity", "interface_sliding"
+     "hidden": {},                            what no analysis is told: "inclusion", "tissue_heterogeneity", "interface_sliding",
+                                               "capsule"
      "contour_noise_sd_mm": 0, "noise_correlation_mm": 8,
      "mesh": {"edge_mm": 3.7, "element": "p2"},
      "scan": {"shift_mm": [0, 0, 0], "rotation_deg": [0, 0, 0], "voxel_mm": [1.2, 1.2, 2], "noise_hu": 12, "blur_mm": 0.5},
@@ -34,7 +35,7 @@ from palpate.core.errors import InputError
 from palpate.core.files.json_file import read_json
 from palpate.core.files.json_types import plain, refusal, typed
 from palpate.imaging.labels import LABEL_VALUES
-from palpate.simulate.hidden_effects import HiddenEffect, Inclusion, SlidingOrgan, UnevenTissue
+from palpate.simulate.hidden_effects import Capsule, HiddenEffect, Inclusion, SlidingOrgan, UnevenTissue
 from palpate.simulate.stiffness import Stiffness
 from palpate.simulate.walls import BladderSpec, RectumSpec
 
@@ -118,6 +119,8 @@ def _hidden(file: HiddenFile) -> tuple[HiddenEffect, ...]:
         found.append(UnevenTissue(tissue.towards, tissue.from_mm, tissue.factor))
     if file.interface_sliding is not UNSET:
         found.append(SlidingOrgan(file.interface_sliding.layer_mm, file.interface_sliding.softer))
+    if file.capsule is not UNSET:
+        found.append(Capsule(file.capsule.thickness_mm, file.capsule.factor))
     return tuple(found)
 
 

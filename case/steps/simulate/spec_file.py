@@ -99,12 +99,20 @@ class SlidingFile(_Part, frozen=True):
     layer_mm: Annotated[float, Meta(ge=1.0, le=10.0)] = 3.0
 
 
+class CapsuleFile(_Part, frozen=True):
+    """As `Capsule`."""
+
+    factor: _Factor
+    thickness_mm: Annotated[float, Meta(ge=1.0, le=15.0)] = 4.0
+
+
 class HiddenFile(_Part, frozen=True):
-    """What no analysis is told, by the name that the diagnosis has for it."""
+    """What no analysis is told, by the name that the diagnosis has for it; it has none for a capsule."""
 
     inclusion: InclusionFile | UnsetType = UNSET
     tissue_heterogeneity: UnevenTissueFile | UnsetType = UNSET
     interface_sliding: SlidingFile | UnsetType = UNSET
+    capsule: CapsuleFile | UnsetType = UNSET
 
 
 _Source = Annotated[

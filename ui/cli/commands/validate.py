@@ -41,7 +41,7 @@ NAME, HELP = "validate", "studies of what is claimed, as JSON and pictures"
 _DPI = 160
 # As in `validate.images`, which is not read to parse a command line.
 _HIDE, _WAYS = (
-    ("inclusion", "tissue_heterogeneity", "interface_sliding"),
+    ("inclusion", "tissue_heterogeneity", "interface_sliding", "capsule", "nothing"),
     ("contours", "images", "one_scan", "automatic"),
 )
 
