@@ -61,6 +61,7 @@ def spec() -> dict[str, Any]:
     made["hidden"]["inclusion"] |= {"half": "prostate_left", "factor": 3.0}
     made["hidden"]["tissue_heterogeneity"] |= {"towards": [1.0, 0.0, 0.0], "factor": 3.0}
     made["hidden"]["interface_sliding"] |= {"softer": 3.0}
+    made["hidden"]["capsule"] |= {"factor": 3.0}
     return made
 
 

@@ -17,7 +17,7 @@ from palpate.core.errors import InputError
 from palpate.core.mesh import TetMesh
 from palpate.imaging.labels import ORGAN_LABELS, SURROUNDING_TISSUE
 from palpate.meshing.mesh_labels import MeshOptions, mesh_labels
-from palpate.simulate.hidden_effects import HiddenEffect, Inclusion, SlidingOrgan, UnevenTissue, with_effects
+from palpate.simulate.hidden_effects import Capsule, HiddenEffect, Inclusion, SlidingOrgan, UnevenTissue, with_effects
 from palpate.simulate.stiffness import Stiffness
 
 STIFFNESS = Stiffness({1: 15.0, 2: 45.0})
@@ -95,6 +95,22 @@ def test_no_cell_on_a_wall_or_on_bone_is_in_the_layer_of_an_organ_that_slides(me
     assert np.array_equal(soft, tissue & ~at_edge)
 
 
+def test_a_capsule_is_the_rind_of_the_organ_on_all_sides(mesh: TetMesh) -> None:
+    G, K = _moduli(mesh, (Capsule(5.0, 4.0),))
+    plain, bulk = _moduli(mesh, ())
+    rind = G > 2.0 * plain
+    assert G[rind] == pytest.approx(4.0 * plain[rind])
+    assert K == pytest.approx(np.where(rind, 4.0, 1.0) * bulk)
+    organ, centres = np.isin(mesh.regions, ORGAN_LABELS), mesh.points[mesh.cells].mean(axis=1)
+    assert set(mesh.regions[rind].tolist()) == set(ORGAN_LABELS)
+    # Nearer to the surface's corners than the thickness and a face's size; no cell so near to it is left out.
+    corners = mesh.points[np.unique(mesh.region_boundary(ORGAN_LABELS)[0])]
+    distance = np.linalg.norm(centres[:, None] - corners, axis=2).min(axis=1)
+    assert distance[rind].max() < 5.0 + 9.0
+    assert distance[organ & ~rind].min() > 5.0
+    assert 0.2 < rind[organ].mean() < 0.95
+
+
 def test_two_effects_multiply(mesh: TetMesh) -> None:
     one, other = UnevenTissue((0.0, 1.0, 0.0), 0.0, 5.0), SlidingOrgan(4.0, 20.0)
     both, first, second, plain = (_moduli(mesh, h)[0] for h in ((one, other), (one,), (other,), ()))
@@ -107,6 +123,7 @@ def test_two_effects_multiply(mesh: TetMesh) -> None:
         (Inclusion(1, (15.0, 15.0, 15.0), 3.0, 5.0), "no cell of prostate_left"),
         (UnevenTissue((0.0, 1.0, 0.0), 400.0, 5.0), "no tissue lies beyond"),
         (SlidingOrgan(0.01, 5.0), "give a larger layer_mm"),
+        (Capsule(0.01, 5.0), "give a larger thickness_mm"),
     ],
 )
 def test_an_effect_that_meets_no_cell_is_refused(mesh: TetMesh, hidden: HiddenEffect, message: str) -> None:
@@ -135,6 +152,12 @@ def test_the_answers_tell_what_shows_and_the_case_tells_nothing(tmp_path: Path) 
     done = ((with_it["displacement"] - without["displacement"]) * without["normals"]).sum(axis=1)
     assert shown["shown_mm"] == pytest.approx(np.sqrt(np.mean(done**2)), rel=0.1)
     assert 0.0 < shown["left_mm"] < shown["shown_mm"]
+    assert shown["left_near_mm"] > 0.3 * shown["left_mm"]
+    # A whole half that is a little stiffer is a stiffness, so that nothing is left, on the surface or near it.
+    whole = {"inclusion": {"half": "prostate_left", "radius_mm": 30, "factor": 1.1}}
+    stiffer = run_simulate({**spec, "hidden": whole}, tmp_path / "stiffer", tmp_path / "answers")["hidden"]
+    assert stiffer is not None
+    assert max(stiffer["left_mm"], stiffer["left_near_mm"]) < 0.1 * stiffer["shown_mm"]
     assert json.loads((tmp_path / "answers" / "pair.json").read_text())["spec"]["hidden"] == hidden
     for file in (tmp_path / "pair").rglob("*.json"):
         assert "heterogeneity" not in file.read_text()

@@ -18,9 +18,10 @@ from palpate.ui.cli import main as cli
 from palpate.ui.cli.arguments import UsageError
 from palpate.ui.cli.main import arguments
 from palpate.validate.images import pairs, study
-from palpate.validate.images.figures import Said, way_row
+from palpate.validate.images.figures import way_row
 from palpate.validate.images.pairs import STIFFNESS_KPA, drawn_spec, make_pair, unmade
 from palpate.validate.images.records import ImagesOptions
+from palpate.validate.images.said import Said
 from palpate.validate.images.study import images_text, run
 from palpate.validate.images.ways import WAYS, Run
 from palpate.validate.sealed import run_alone
@@ -136,14 +137,15 @@ def test_a_pair_hides_its_effect_and_keeps_it_when_the_motion_is_drawn_anew(
         return {"true_G_kpa": spec["stiffness_kpa"]}
 
     monkeypatch.setattr(pairs, "run_simulate", simulate)
-    options = ImagesOptions(SCANS, 4, 7, hide=tuple(pairs.HIDE))
-    for number in range(4):
+    effects = tuple(pairs.HIDE)
+    options = ImagesOptions(SCANS, 6, 7, hide=effects)
+    for number in range(6):
         assert make_pair(options, number, tmp_path)
     assert len({json.dumps(spec["hidden"]) for spec in tried[:2]}) == 1
-    assert ["".join(spec["hidden"]) for spec in tried[1:]] == [*pairs.HIDE, next(iter(pairs.HIDE))]  # type: ignore[arg-type]
-    assert json.dumps(tried[1]["hidden"]) != json.dumps(tried[4]["hidden"])
-    for spec in tried:
-        assert len(parse_spec(spec).hidden) == 1
+    hidden = ["".join(spec["hidden"]) for spec in tried[1:]]  # type: ignore[arg-type]
+    assert hidden == [*("" if effect == "nothing" else effect for effect in effects), effects[0]]
+    assert json.dumps(tried[1]["hidden"]) != json.dumps(tried[-1]["hidden"])
+    assert [len(parse_spec(spec).hidden) for spec in tried] == [1, 1, 1, 1, 1, 0, 1]
     # What is not hidden is drawn as in a study that hides nothing.
     plain = len(tried)
     assert make_pair(ImagesOptions(SCANS, 4, 7), 3, tmp_path / "plain")
@@ -214,6 +216,7 @@ def _analysed(
                 "verdict": "ambiguous" if alarm else "none",
                 "candidates": ["inclusion", "prestress"] if alarm else [],
                 "gap": {"p_value": 0.01 if alarm else 0.6},
+                "posterior": {"none": 0.2, "inclusion": 0.8} if alarm else {"none": 1.0},
             },
         )
     (pair / "done.json").write_text("{}")

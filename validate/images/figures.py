@@ -1,57 +1,20 @@
-"""Reads what every way said of every pair, and makes the table's rows of it."""
+"""Rows of the table of what every way said of every pair."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from palpate.core.arrays import FloatArray
-from palpate.validate.calibration.posterior import Marginal, posteriors_of
 from palpate.validate.calibration.ranks import calibration, rank
-from palpate.validate.images.records import FoundEffect, HalfRow, PairTruth, WayRow
+from palpate.validate.images.diagnosis_score import diagnosis_score
+from palpate.validate.images.records import FoundEffect, HalfRow, WayRow
+from palpate.validate.images.said import Said
 
 # Verdicts that name no effect.
 NOT_AN_EFFECT = frozenset({"none", "ambiguous", "unknown"})
-
-
-@dataclass(frozen=True)
-class Said:
-    """What one way said of one pair. posteriors, truths : ln G (kPa) by half. verdict : "" without a diagnosis. hidden : the effect, ""
-    for none; left_mm : see `HalfRow`.
-    """
-
-    pair: str
-    way: str
-    posteriors: Mapping[str, Marginal]
-    truths: Mapping[str, float]
-    verdict: str
-    p_value: float | None
-    candidates: tuple[str, ...]
-    hidden: str
-    left_mm: float | None
-    changes: tuple[str, ...] = ()
-
-
-def said_of(case: Path, answer: Path, way: str) -> Said | None:
-    """What a case holds; None where it holds no stiffness."""
-    if not (case / "result.json").exists():
-        return None
-    truth: PairTruth = json.loads(answer.read_text(encoding="utf-8"))
-    truths = {half: float(np.log(G)) for half, G in truth["true_G_kpa"].items()}
-    verdict, p, candidates = "", None, ()
-    if (case / "diagnosis.json").exists():
-        found = json.loads((case / "diagnosis.json").read_text(encoding="utf-8"))
-        verdict, p, candidates = str(found["verdict"]), float(found["gap"]["p_value"]), tuple(found["candidates"])
-    hidden, shown = "".join(truth["spec"].get("hidden", {})), truth["hidden"]
-    left = shown["left_mm"] if shown else None
-    changes = tuple(truth["spec"].get("scan", {}).get("changes", ()))
-    posteriors = posteriors_of(case, "result.json")
-    return Said(answer.stem, way, posteriors, truths, verdict, p, candidates, hidden, left, changes)
 
 
 def half_rows(said: Said) -> list[HalfRow]:
@@ -104,6 +67,7 @@ def way_row(way: str, said: Sequence[Said], pairs: int, plain: Mapping[tuple[str
             effect: _found([of for of in diagnosed if of.hidden == effect], effect)
             for effect in sorted({of.hidden for of in diagnosed} - {""})
         },
+        "score": diagnosis_score(diagnosed),
     }
 
 

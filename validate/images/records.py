@@ -51,6 +51,32 @@ class PairTruth(TypedDict):
     hidden: HiddenFigures | None
 
 
+class Bin(TypedDict):
+    """Hypotheses whose stated probability lies in a bin: how many, the mean of what was stated, and how often they were true."""
+
+    count: int
+    stated: float
+    true: float
+
+
+class DiagnosisScore(TypedDict):
+    """visible : pairs whose effect has a name and shows; in_set, alone : of them, the effect among at most three names, the only one.
+    nothing, alarms : pairs that hide nothing, and those not answered `none`. outside, refused : pairs whose effect shows and has no
+    name; `unknown`, `ambiguous`, or more than half of the probability for what has no name. brier : mean squared error of all
+    probabilities of these pairs, 0 to 2. reliability : of the same probabilities.
+    """
+
+    visible: int
+    in_set: int
+    alone: int
+    nothing: int
+    alarms: int
+    outside: int
+    refused: int
+    brier: float
+    reliability: list[Bin]
+
+
 class FoundEffect(TypedDict):
     """Diagnoses of pairs that hide one effect: how many, and in how many it is among the candidates, is the only name, an alarm is raised
     at all, and another effect is the only name.
@@ -67,7 +93,7 @@ class WayRow(TypedDict):
     """One way to an answer, over all pairs. halves : of both halves of each pair; those of one pair are not independent. failed : pairs
     without an answer. sd_ratio : median of the standard deviations of ln G over those of contours alone, of the same halves.
     verdicts : of the diagnoses, by how many. alarms : share that is not `none` of pairs that hide nothing: all of them are false.
-    p_values : of these. found : by hidden effect.
+    p_values : of these. found : by hidden effect. score : of the diagnoses' probabilities.
     """
 
     way: str
@@ -78,6 +104,7 @@ class WayRow(TypedDict):
     alarms: float | None
     p_values: list[float]
     found: dict[str, FoundEffect]
+    score: DiagnosisScore | None
 
 
 class HalfRow(TypedDict):

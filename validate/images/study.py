@@ -15,9 +15,11 @@ import numpy as np
 from palpate.core.errors import InputError
 from palpate.core.statistics import rms
 from palpate.core.worker.progress import Progress, part, silent
-from palpate.validate.images.figures import Said, half_rows, said_of, sd_by_half, way_row
+from palpate.validate.images.diagnosis_score import score_text
+from palpate.validate.images.figures import half_rows, sd_by_half, way_row
 from palpate.validate.images.pairs import MAKING, make_pair, name_of, unmade
 from palpate.validate.images.records import HalfRow, ImagesOptions, ImagesTable
+from palpate.validate.images.said import Said, said_of
 from palpate.validate.images.ways import DONE, WAYS, analyse
 from palpate.validate.sealed import Kind, SealedStudy, make_each
 from palpate.validate.segmentation.contoured_scan import contoured_scan
@@ -110,6 +112,7 @@ def images_text(found: ImagesTable) -> str:
             f"another name alone in {n['other']}"
             for effect, n in row["found"].items()
         ]
+        lines += score_text(row["score"]) if row["score"] else []
     lines.append(f"{found['short']} pairs could not be simulated")
     lines += [f"  {name}: {why[-1]}" for name, why in found["unmade"].items()]
     return "\n".join(lines)
