@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import pytest
+
 from palpate.validate.images.diagnosis_score import diagnosis_score, score_text
 from palpate.validate.images.said import Said
 
@@ -13,7 +14,18 @@ def _said(
     hidden: str, verdict: str, posterior: Mapping[str, float], candidates: Sequence[str] = (), left_near_mm: float = 0.5
 ) -> Said:
     return Said(
-        "pair", "images", {}, {}, verdict, 0.5, tuple(candidates), hidden, 0.1, (), left_near_mm if hidden else None, posterior
+        "pair",
+        "images",
+        {},
+        {},
+        verdict,
+        0.5,
+        tuple(candidates),
+        hidden,
+        0.1,
+        (),
+        left_near_mm if hidden else None,
+        posterior,
     )
 
 
