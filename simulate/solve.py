@@ -28,6 +28,8 @@ ELEMENT = "p2"
 # Gliding walls have found their place when a round moves them by less (rms), mm.
 SETTLED_MM = 0.01
 ROUNDS = 30
+# Least and largest share of a change that is gone.
+_PACES = (0.2, 1.5)
 # On the rough walls of real contours they go on swinging: below this, an eighth of contour noise, that is said and kept.
 ENOUGH_MM = 0.05
 _OPTIONS = NewtonOptions(rtol=1e-6, stability=False)
@@ -124,7 +126,7 @@ def _glide(
     free = np.ones((space.n_nodes, 3), dtype=bool)
     free[held] = False
     assembler = Assembler(space, free.ravel(), glides)
-    found, moved, pace, target = tied, np.inf, 1.0, tied.u
+    found, moved, pace, target, last = tied, np.inf, 1.0, tied.u, None
     for number in range(1, ROUNDS + 1):
         progress(
             number / (ROUNDS + 1),
@@ -134,17 +136,23 @@ def _glide(
         found = solve_equilibrium(assembler, materials, start=State(found.u, found.p), options=_OPTIONS)
         _require(found)
         change = found.u - target
-        before, moved = moved, max(glide.sliding(change) for glide in glides)
+        moved = max(glide.sliding(change) for glide in glides)
         if moved < SETTLED_MM:
             return assembler, found, number, float(moved)
-        if moved > 0.8 * before:
-            pace = max(0.5 * pace, 0.2)  # the walls swing about their place: go part of the way
-        target = target + pace * change
+        pace = pace if last is None else _relaxed(pace, last, change)
+        target, last = target + pace * change, change
     if moved < ENOUGH_MM:
         return assembler, found, ROUNDS, float(moved)
     raise ConvergenceError(
         f"the gliding walls still move by {moved:.2f} mm after {ROUNDS} rounds; make the walls move less or set contact to 'tied'"
     )
+
+
+def _relaxed(pace: float, last: FloatArray, change: FloatArray) -> float:
+    """Share of the next change that is gone, from the last two: Aitken's relaxation (Kuettler & Wall 2008), within `_PACES`."""
+    turn = change - last
+    share = -pace * float((last * turn).sum()) / max(float((turn**2).sum()), 1e-300)
+    return float(np.clip(share, *_PACES))
 
 
 def _require(found: Equilibrium) -> None:
