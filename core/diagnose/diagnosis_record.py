@@ -134,7 +134,7 @@ class FittedStiffnessRecord(msgspec.Struct, frozen=True):
 
 
 class StiffnessRecord(msgspec.Struct, frozen=True):
-    """By region name; with_effect is null where no effect is named."""
+    """By region name; with_effect is null where no effect is named, and where contours alone mislead."""
 
     without_effect: dict[str, FittedStiffnessRecord]
     with_effect: dict[str, FittedStiffnessRecord] | None

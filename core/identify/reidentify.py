@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.core.arrays import FloatArray, IntArray
-from palpate.core.errors import ConvergenceError
+from palpate.core.errors import ConvergenceError, InputError
 from palpate.core.identify.misfit import Misfit
 from palpate.core.identify.options import IdentifyOptions
 from palpate.core.inference.gauss_newton import gauss_newton
@@ -25,6 +25,7 @@ from palpate.core.observe.motion_rows import MotionRows
 from palpate.core.observe.surface_observation import SurfaceObservation
 from palpate.core.problem import IdentificationProblem
 from palpate.core.reduced.reduced_model import ReducedModel, scene_hash
+from palpate.core.residual.contours_alone import misleading_contours
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.plain_fit import PlainFit
@@ -81,6 +82,7 @@ def keep_for_again(folder: Path, fit: PlainFit, options: IdentifyOptions, finger
         **{f"correction/{key}": getattr(correction, key) for key in _OF_CORRECTION},
         "bounds": fit.bounds,
         "model": np.array(fingerprint),
+        "untold": np.array(misleading_contours(fit)),
     }
     arrays |= {f"surface/{key}": getattr(observation, key) for key in _OF_SURFACE}
     arrays |= {f"motion/rows/{key}": values for key, values in observation.motion.rows.arrays().items()}
@@ -92,7 +94,7 @@ def identify_again(folder: Path, problem: IdentificationProblem, options: Identi
     """Stiffness of `problem` from the reduced model in `folder`; None for another scene or without a reduced model.
 
     Boundary "contact-force" takes its forces from the deformed surface, so its result is None. Raises ConvergenceError
-    where the search has no answer.
+    where the search has no answer, InputError where the first contours mislead: the weights are theirs.
     """
     if options.boundary != "coupled":
         return None
@@ -100,6 +102,8 @@ def identify_again(folder: Path, problem: IdentificationProblem, options: Identi
     model = None if kept is None else ReducedModel.load(folder / "reduced.npz", str(kept["model"]))
     if kept is None or model is None:
         return None
+    if untold := str(kept["untold"]):
+        raise InputError(f"{folder.parent}: {untold}; run `palpate identify` with them")
     misfit, bounds = _misfit(kept, problem), np.asarray(kept["bounds"], dtype=float)
     correction = ElementCorrection(*(np.asarray(kept[f"correction/{key}"], dtype=float) for key in _OF_CORRECTION))
 

@@ -121,3 +121,16 @@ def test_another_scene_and_labels_without_an_organ_are_refused(
         reidentify.run(identified, tmp_path / "empty.nii.gz")
     with pytest.raises(InputError, match="is not there; give the labels drawn on the deformed scan"):
         reidentify.run(identified, tmp_path / "none.nii.gz")
+
+
+def test_contours_that_mislead_tell_no_stiffness_of_new_ones_either(
+    problem: IdentificationProblem, identified: CaseFolder, tmp_path: Path
+) -> None:
+    """The weights are those of the first contours, so that better ones need another identification."""
+    case = CaseFolder(shutil.copytree(identified.path, tmp_path / "case"))
+    with np.load(case.file("identify/again.npz")) as kept:
+        arrays = dict(kept)
+    assert str(arrays["untold"]) == ""
+    case.write_npz("identify/again.npz", **arrays | {"untold": np.array("contours are all that is seen")})
+    with pytest.raises(InputError, match="contours are all that is seen; run `palpate identify` with them"):
+        reidentify.run(case, drawn(problem.organ.deformed, tmp_path / "labels.nii.gz"))

@@ -39,6 +39,7 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
     """diagnosis.json for a case of this name."""
     best = leading(diagnosis)
     shown = best if diagnosis.verdict.verdict not in (NONE, UNKNOWN) else None
+    told = shown is not None and not misleading_contours(diagnosis.fit)
     names = dict(diagnosis.fit.model.first.plain.problem.region_names)
     return DiagnosisRecord(
         case=case,
@@ -61,7 +62,7 @@ def record(diagnosis: Diagnosis, case: str) -> DiagnosisRecord:
         shrinkage=None if best is None else shrinkage(diagnosis, best),
         stiffness=StiffnessRecord(
             without_effect=_plain_stiffness(diagnosis),
-            with_effect=None if shown is None else _stiffness_with(diagnosis, *model_average(diagnosis)),
+            with_effect=_stiffness_with(diagnosis, *model_average(diagnosis)) if told else None,
         ),
         next_measurement=next_measurement(diagnosis),
         why=diagnosis.verdict.why,

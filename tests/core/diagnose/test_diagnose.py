@@ -251,7 +251,7 @@ def test_the_stiffness_without_an_effect_is_the_fits_own(none: Diagnosis) -> Non
     assert [s["G_kpa"] for s in written.values()] == np.exp(theta).tolist()
 
 
-def test_contours_that_mislead_tell_a_diagnosis_no_stiffness_either(none: Diagnosis) -> None:
+def test_contours_that_mislead_tell_a_diagnosis_no_stiffness_either(none: Diagnosis, wide: Diagnosis) -> None:
     rough = replace(none.fit, sizes=replace(none.fit.sizes, contour=20.0))  # times the 0.08 mm that the case states
     written = plain(record(replace(none, fit=rough), "a case"))
     assert written["flags"][0].startswith("stiffness: contours are all that is seen, and one errs by about 1.6 mm")
@@ -259,6 +259,9 @@ def test_contours_that_mislead_tell_a_diagnosis_no_stiffness_either(none: Diagno
     for values in written["stiffness"]["without_effect"].values():
         assert values["ci95_kpa"][0] < 1.15 * low and values["ci95_kpa"][1] > high / 1.15
     assert not any("contours are all" in flag for flag in plain(record(none, "a case"))["flags"])
+    rough = replace(wide.fit, sizes=replace(wide.fit.sizes, contour=20.0))
+    named = [plain(record(one, "a case")) for one in (wide, replace(wide, fit=rough))]
+    assert [one["stiffness"]["with_effect"] is None for one in named] == [False, True]
 
 
 def test_the_stiffness_with_a_sure_effect_is_over_its_variants(wide: Diagnosis) -> None:
