@@ -85,7 +85,9 @@ def keep_for_again(folder: Path, fit: PlainFit, options: IdentifyOptions, finger
         "untold": np.array(misleading_contours(fit)),
     }
     arrays |= {f"surface/{key}": getattr(observation, key) for key in _OF_SURFACE}
-    arrays |= {f"motion/rows/{key}": values for key, values in observation.motion.rows.arrays().items()}
+    # The reader has weighed the rows: their covariance, by far the largest of all, is not asked for again.
+    rows = replace(observation.motion.rows, covariance=np.zeros((0, 0)))
+    arrays |= {f"motion/rows/{key}": values for key, values in rows.arrays().items()}
     arrays["motion/reader"] = observation.motion.reader
     save_checkpoint(folder / FILE, arrays, scene_key(first.scene.problem, options))
 

@@ -147,32 +147,24 @@ def fit_plain(
 
     pairs : for each deformed state the problem and the bones. remeshed : other meshes of the same labels; the better
     element's prediction is the mean over all of them. options, walls, how : the program's own where none are given.
-    further : errors beside those of the noise model, None for none. start (t,) : a theta to start from beside the usual
-    ones.
+    further : errors beside those of the noise model. start (t,) : a theta to start from beside the usual ones.
     """
     how = how or FitOptions()
     options = (options or NoiseModelOptions()).for_case(pairs[0][0])
     progress(0.0, "plain model: surfaces and distances")
     model = joint_model(pairs, options, walls or WallMotionOptions(), how)
     optimum = _quick_optimum(model, options, how, start, part(progress, 0.1, 0.4))
-    progress(0.4, f"plain model: element {how.element}")
-    better = part(progress, 0.4, 0.7)
-    errors = [
-        element_errors(m, p, remeshed, how.element, better)
-        for m, p in zip(model.each, optimum.linearisation.each, strict=True)
-    ]
-    model, here = _corrected(model, optimum.linearisation, errors)
+    model, here, errors = _with_better_element(model, optimum, remeshed, how.element, part(progress, 0.4, 0.7))
     progress(0.7, "plain model: noise of this case's contours")
     shapes = _shapes(model, here, options)
     grid, sizes, weighting = _noise(model, here, errors, options, further, shapes)
     model, here, errors = _settled(model, weighting, here, errors, how.element, part(progress, 0.75, 0.9))
-    differences = [e.every for e in errors]
     return FoundFit(
         model=model,
         linearisation=here,
         on_own_mesh=_on_own_mesh(errors),
-        meshes=min(map(len, differences)),
-        scatter_mm=scatter_mm(differences[0], model.first.data),
+        meshes=min(len(e.every) for e in errors),
+        scatter_mm=scatter_mm(errors[0].every, model.first.data),
         noise=grid,
         sizes=sizes,
         weighting=weighting,
@@ -191,6 +183,17 @@ def _quick_optimum(
     starts = np.vstack([spread_starts(model.bounds, how.starts), *([] if start is None else [start])])
     first = solved_somewhere(model, starts)
     return best_of(model, _first_weights(model, first, options), starts, first, progress)
+
+
+def _with_better_element(
+    model: JointModel, optimum: Optimum, remeshed: Sequence[Remeshed], element: str, progress: Progress
+) -> tuple[JointModel, JointLinearisation, list[ElementErrors]]:
+    """The quick element's optimum, corrected by what a better one changes there."""
+    progress(0.0, f"plain model: element {element}")
+    here = optimum.linearisation
+    each = zip(model.each, here.each, strict=True)
+    errors = [element_errors(m, p, remeshed, element, progress) for m, p in each]
+    return *_corrected(model, here, errors), errors
 
 
 def _settled(

@@ -12,6 +12,8 @@ import synthetic_case
 
 from palpate.core.files.json_types import plain
 from palpate.core.identify.job import run
+from palpate.core.identify.options import IdentifyOptions
+from palpate.core.identify.reidentify import identify_again
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.fit_options import FitOptions
 from palpate.core.residual.joint_states import JointLinearisation
@@ -38,9 +40,15 @@ def _run(problem: IdentificationProblem, folder: Path) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def beside(contours: IdentificationProblem, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of the job of `beside`."""
+    return tmp_path_factory.mktemp("beside") / "image"
+
+
+@pytest.fixture(scope="module")
+def beside(contours: IdentificationProblem, folder: Path) -> dict[str, Any]:
     """What contours and the motion in the tissue tell together."""
-    return _run(replace(contours, matched=synthetic_case.matched()), tmp_path_factory.mktemp("beside") / "image")
+    return _run(replace(contours, matched=synthetic_case.matched()), folder)
 
 
 def test_motion_in_the_tissue_makes_both_values_surer_and_keeps_them_true(
@@ -54,6 +62,18 @@ def test_motion_in_the_tissue_makes_both_values_surer_and_keeps_them_true(
         assert low < true < high
     assert beside["agreement"]["harmless"]  # the swarm's reduced model carries the points in the tissue too
     assert beside["misfit"]["weighted_from_noise"] > 20 + alone["misfit"]["weighted_from_noise"]
+
+
+def test_the_motion_is_data_again_where_the_contour_is_drawn_anew(
+    contours: IdentificationProblem, beside: dict[str, Any], folder: Path
+) -> None:
+    problem = replace(contours, matched=synthetic_case.matched())
+    again = identify_again(folder, problem, IdentifyOptions(**OPTIONS, seed=3))
+    assert again is not None
+    for name, theta, sd in zip(beside["parameters"], again.theta, again.posterior.sd, strict=True):
+        told = beside["parameters"][name]
+        assert theta == pytest.approx(np.log(told["G_kpa"]), abs=0.1 * told["sd_ln_G"])
+        assert sd == pytest.approx(told["sd_ln_G"], rel=0.1)
 
 
 def test_an_organ_that_nobody_drew_in_the_other_scan_is_no_datum(
