@@ -38,7 +38,7 @@ LONGEST = (
     "tests/segmentation/test_organs_phantom.py",
     "tests/ui/export/test_dicom_export.py",
     "tests/imaging/test_local_matching.py",
-    "tests/core/diagnose/test_kept_fit.py",
+    "tests/core/residual/test_kept_fit.py",
     "tests/ui/desktop/test_desktop_logic.py",
     "tests/ui/desktop/test_screen_sizes.py",
     "tests/applications/test_sketch.py",
