@@ -15,6 +15,7 @@ from palpate.core.diagnose.posterior import NONE, UNKNOWN, log_prior
 from palpate.core.diagnose.refit.pairs import refit_pairs
 from palpate.core.diagnose.refit.refit import refit, refit_corrected
 from palpate.core.diagnose.refit.variants import refit_variants
+from palpate.core.diagnose.verdict.judge import remainder_p
 from palpate.core.inference.posterior import prior_precision
 from palpate.core.residual.element_correction import ElementCorrection
 
@@ -219,3 +220,22 @@ def test_hopeless_effects_of_many_places_are_not_refitted() -> None:
     assert {f.hypothesis.effect.id for f in found.refits if f.hypothesis.effect is not None} == {"a", "b"}
     every = compared(case.fit, case.screened, free_field(column(6)), replace(RULES, hopeless=1e6))
     assert len(every.refits) == 3
+
+
+@pytest.mark.parametrize("left", [0.0, 2.0])
+def test_what_an_effect_leaves_is_more_than_noise_where_something_is_left(left: float) -> None:
+    case = one_of("a", hidden=4.0 * A[:, 0] + left * D[:, 0])
+    lead = refit_variants(case.fit, case.looked_at("a"), RULES)
+    assert lead is not None
+    p = remainder_p(case.fit, lead, free_field(np.hstack([D, 0.5 * column(5)])), RULES, 1)
+    assert p < 0.005 if left else p > 0.05
+
+
+def test_a_remainder_that_the_effect_itself_can_take_up_is_none() -> None:
+    """What has no name but looks like the effect itself is taken up by it, so that nothing of it is left."""
+    case = one_of("a", hidden=3.0 * A[:, 0])
+    lead = refit_variants(case.fit, case.looked_at("a"), RULES)
+    assert lead is not None
+    assert remainder_p(case.fit, lead, free_field(A), RULES, 1) > 0.05
+    nothing_taken = replace(lead, linearisation=case.fit.linearisation, in_phi=np.zeros((N, 1)))
+    assert remainder_p(case.fit, nothing_taken, free_field(A), RULES, 1) < 0.005
