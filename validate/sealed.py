@@ -7,12 +7,14 @@ written before the first analysis, and of every result, written before the first
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
 from typing import TypeVar
 
 from palpate.case.case_folder import file_sha256
@@ -88,11 +90,13 @@ class SealedStudy:
         """Every case that has no result yet; the ledger gets each one's hash as it is written."""
         todo = [name for name in names if not (self.cases / name / self.result).exists()]
         with ThreadPoolExecutor(workers) as pool:
+            began = monotonic()
             running = {pool.submit(analyse, self.cases / name): name for name in todo}
-            for k, done in enumerate(as_completed(running)):
+            for k, done in enumerate(as_completed(running), 1):
                 done.result()
                 self._note(running[done])
-                progress((k + 1) / len(running), f"analysed {k + 1} of {len(running)}")
+                left = time_left(monotonic() - began, k, len(running))
+                progress(k / len(running), f"analysed {k} of {len(running)}{left}")
         for name in names:
             self._note(name)
 
@@ -148,13 +152,24 @@ Item = TypeVar("Item")
 def make_each(make: Callable[[Item], object], items: Sequence[Item], workers: int, progress: Progress) -> None:
     """make(item) for all items. With more than one worker `make` and the items must be picklable. Raises what `make` raises."""
     count = len(items)
+    began = monotonic()
+
+    def told(k: int) -> None:
+        progress(k / count, f"made {k} of {count}{time_left(monotonic() - began, k, count)}")
+
     if workers < 2:
-        for k, item in enumerate(items):
-            progress(k / count, f"making {k + 1} of {count}")
+        for k, item in enumerate(items, 1):
             make(item)
+            told(k)
         return
     with ProcessPoolExecutor(workers) as pool:
         running = [pool.submit(make, item) for item in items]
-        for k, done in enumerate(as_completed(running)):
+        for k, done in enumerate(as_completed(running), 1):
             done.result()
-            progress((k + 1) / count, f"made {k + 1} of {count}")
+            told(k)
+
+
+def time_left(seconds: float, done: int, count: int) -> str:
+    """`, about 12 min left` after so many seconds for what is done; nothing where all is."""
+    minutes = seconds / done * (count - done) / 60.0
+    return f", about {math.ceil(minutes)} min left" if done < count else ""
