@@ -12,6 +12,7 @@ from schemas import check_form
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.bench_bodies.fit import fit_body
 from palpate.core.diagnose.bench_bodies.judge import patches_of, split_of
+from palpate.core.diagnose.bench_bodies.markers import Holder
 from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyPatch, BodyProblem, BodyState, PatchFacts, PointLoad
 from palpate.core.diagnose.decision_rules import DecisionRules
@@ -80,6 +81,18 @@ def test_a_marker_off_the_body_turns_with_it() -> None:
     X = model.first.geometry.space.nodes
     moved = markers.motion(X @ R.T - X + [1.0, -2.0, 0.5])
     np.testing.assert_allclose(moved, np.array(MARKERS) @ R.T - MARKERS + [1.0, -2.0, 0.5], atol=1e-9)
+
+
+@pytest.mark.parametrize("reach", [0.1, 2.5, 4.0])
+def test_a_holder_stands_on_the_nodes_within_reach_of_the_nearest_one_and_on_five_at_least(
+    reach: float,
+) -> None:
+    X = np.column_stack([np.arange(12.0), np.zeros(12), np.zeros(12)])
+    holder = Holder.of(X, np.array([-3.0, 1.0, 0.0]), reach)
+    assert holder.nodes.tolist() == [0, 1, 2, 3, 4]
+    np.testing.assert_allclose(holder.arms.sum(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(holder.arm, [-5.0, 1.0, 0.0])
+    assert Holder.of(X, np.array([-3.0, 1.0, 0.0]), 6.5).nodes.tolist() == [0, 1, 2, 3, 4, 5, 6]
 
 
 def test_the_motion_of_markers_changes_by_its_derivative() -> None:
