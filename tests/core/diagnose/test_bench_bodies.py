@@ -113,8 +113,9 @@ def test_gravity_that_the_model_leaves_out_is_found_in_its_size() -> None:
     assert found["stiffness"]["with_effect"]["body"]["G_kpa"] == pytest.approx(60.0, rel=0.1)
     assert found["shrinkage"]["held_out_rms_after_mm"] < 0.3 * found["shrinkage"]["held_out_rms_before_mm"]
     for k in range(3):
-        distance = np.linalg.norm(maps[f"state_{k + 1}/residual"], axis=1)
-        assert np.sqrt((distance**2).mean()) == pytest.approx(found["states"][k]["rms_before_mm"])
+        for name, when in (("residual", "before"), ("residual_after", "after")):
+            distance = np.linalg.norm(maps[f"state_{k + 1}/{name}"], axis=1)
+            assert np.sqrt((distance**2).mean()) == pytest.approx(found["states"][k][f"rms_{when}_mm"])
 
 
 def test_a_model_with_gravity_has_no_gap() -> None:
