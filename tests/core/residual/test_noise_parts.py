@@ -1,0 +1,113 @@
+"""The covariance of all that is no effect, on arrays: what each size multiplies, and what errors of two contours do together."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from palpate.core.arrays import FloatArray
+from palpate.core.observe.contour_errors import ContourErrors
+from palpate.core.observe.contour_noise import covariance_between
+from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes
+from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes, _Contour, _contours
+from palpate.core.residual.noise_model_options import NoiseModelOptions
+
+NUMBERS = NoiseModelOptions()
+SIZES = NoiseSizes.of(NUMBERS)
+N = 3
+RNG = np.random.default_rng(11)
+
+
+def _random() -> FloatArray:
+    A = RNG.standard_normal((N, N))
+    return np.asarray(A @ A.T)
+
+
+def _parts() -> NoiseParts:
+    lengths, local = len(NUMBERS.lengths_mm), len(NUMBERS.local_lengths_mm)
+    image = ImageErrors(_random(), _random(), tuple(_random() for _ in range(local)))
+    contour = tuple(_random() for _ in range(lengths))
+    return NoiseParts(contour, _random(), _random(), _random(), _random(), _random(), image, NUMBERS)
+
+
+PARTS, LEFT = _parts(), RNG.standard_normal((N, 2))
+
+
+def test_the_covariance_is_the_sum_of_all_parts_by_their_squared_sizes() -> None:
+    shares = (0.4, 0.3, 0.2, 0.1)
+    image = ImageErrorSizes(1.5, (0.1, 0.2, 0.3, 0.4))
+    sizes = replace(SIZES, per_mode=0.5, landmark=0.7, contour=1.2, shares=shares, offset=0.2, image=image)
+    told = PARTS.covariance(sizes, LEFT)
+    by_hand = 1.44 * sum(s * C for s, C in zip(shares, PARTS.contour, strict=True)) + 0.25 * PARTS.per_mode
+    by_hand = (
+        by_hand + 2.25 * PARTS.image.edge + sum(s**2 * C for s, C in zip(image.local, PARTS.image.local, strict=True))
+    )
+    by_hand = by_hand + PARTS.sliding + 0.49 * PARTS.marks + 0.04 * PARTS.offset + PARTS.floor + PARTS.image.alignment
+    np.testing.assert_allclose(told, by_hand + LEFT @ LEFT.T)
+
+
+def test_sizes_are_read_back_from_their_coefficients() -> None:
+    other = SIZES.with_varying(np.arange(1.0, len(SIZES.varying) + 1.0))
+    np.testing.assert_allclose(other.varying, np.arange(1.0, len(SIZES.varying) + 1.0))
+    assert other.contour == pytest.approx(np.sqrt(10.0))
+    assert sum(other.shares) == pytest.approx(1.0)
+    kept = {f.name for f in fields(NoiseSizes)} - {"contour", "shares", "per_mode", "image"}
+    assert all(getattr(other, name) == getattr(SIZES, name) for name in kept)
+
+
+def test_the_medians_of_the_priors_are_the_likeliest_sizes_before_the_data_speak() -> None:
+    model = PARTS.variance_model(SIZES, LEFT)
+    coefficients, _ = model.coefficients(np.zeros(model.unknowns))
+    np.testing.assert_allclose(coefficients, SIZES.varying)
+    np.testing.assert_allclose(
+        model.fixed + np.tensordot(coefficients, model.matrices, 1), PARTS.covariance(SIZES, LEFT)
+    )
+    spreads = [part.spread for part in model.parts]
+    assert spreads == [NUMBERS.contour_prior, NUMBERS.contour_prior, NUMBERS.size_spread, NUMBERS.size_spread]
+
+
+POINTS = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0], [0.0, 9.0, 0.0], [3.0, 3.0, 3.0]])
+
+
+def _contour(seed: int, share: float = 0.0, shaped: bool = False) -> _Contour:
+    rng = np.random.default_rng(seed)
+    errors = ContourErrors.sharing(POINTS, rng.uniform(0.3, 0.6, (2, len(POINTS))), share)
+    shape = rng.standard_normal((N, len(POINTS))) if shaped else None
+    return _Contour(errors, rng.standard_normal((N, len(POINTS))), None, shape)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6])
+@pytest.mark.parametrize("same_state", [True, False])
+def test_errors_of_contours_are_those_of_draws(same_state: bool, share: float) -> None:
+    """e at rest and f in the deformed scan, own and common, change the data by (response + shape) e - response f."""
+    one, other = _contour(1, share, shaped=True), _contour(2, share)
+    if same_state:
+        other = one
+    kernel = covariance_between(POINTS, POINTS, 1.0, 6.0)
+    L, rng, count = np.linalg.cholesky(kernel + 1e-12 * np.eye(len(POINTS))), np.random.default_rng(5), 200_000
+    at_rest, common = (L @ rng.standard_normal((len(POINTS), count)) for _ in range(2))
+    later = [L @ rng.standard_normal((len(POINTS), count)) for _ in range(2)]
+    seen = []
+    for contour, own in zip((one, other), (later[0], later[0] if same_state else later[1]), strict=True):
+        both = contour.errors.common
+        shape = 0.0 if contour.shape is None else contour.shape
+        e = contour.errors.rest[:, None] * at_rest + both[0][:, None] * common
+        f = contour.errors.deformed[:, None] * own + both[1][:, None] * common
+        seen.append((contour.response + shape) @ e - contour.response @ f)
+    told = one.covariance(other, 6.0, same_state)
+    drawn = seen[0] @ seen[1].T / count
+    np.testing.assert_allclose(drawn, told, atol=0.02 * np.abs(told).max())
+
+
+def test_two_states_share_the_scan_at_rest_and_nothing_else() -> None:
+    one, two = {"organ": _contour(1), "wall": _contour(3)}, {"organ": _contour(2)}
+    rows = [slice(0, N), slice(N, 2 * N)]
+    told = _contours(cast(Any, [one, two]), rows, 6.0)
+    np.testing.assert_allclose(told, told.T)
+    own = one["organ"].covariance(one["organ"], 6.0, True) + one["wall"].covariance(one["wall"], 6.0, True)
+    np.testing.assert_allclose(told[:N, :N], own)
+    np.testing.assert_allclose(told[N:, N:], two["organ"].covariance(two["organ"], 6.0, True))
+    np.testing.assert_allclose(told[N:, :N], two["organ"].covariance(one["organ"], 6.0, False))
