@@ -149,7 +149,7 @@ def _glide(
 
 
 def _relaxed(pace: float, last: FloatArray, change: FloatArray) -> float:
-    """Share of the next change that is gone, from the last two: Aitken's relaxation (Kuettler & Wall 2008), within `_PACES`."""
+    """Share of the next change that is gone, from the last two: Aitken's relaxation (Küttler & Wall 2008), within `_PACES`."""
     turn = change - last
     share = -pace * float((last * turn).sum()) / max(float((turn**2).sum()), 1e-300)
     return float(np.clip(share, *_PACES))
