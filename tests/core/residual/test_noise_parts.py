@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -12,8 +13,18 @@ from palpate.core.arrays import FloatArray
 from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.observe.contour_noise import covariance_between
 from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes
-from palpate.core.residual.noise_covariance import NoiseParts, NoiseSizes, _Contour, _contours
+from palpate.core.residual.noise_covariance import (
+    NoiseParts,
+    NoiseSizes,
+    _Contour,
+    _contours,
+    _of_marks,
+    _of_modes,
+    _read_twice,
+)
 from palpate.core.residual.noise_model_options import NoiseModelOptions
+from palpate.core.residual.plain_fit import _of_the_model
+from palpate.core.residual.remeshing import left_by_all, what_is_left
 
 NUMBERS = NoiseModelOptions()
 SIZES = NoiseSizes.of(NUMBERS)
@@ -111,3 +122,59 @@ def test_two_states_share_the_scan_at_rest_and_nothing_else() -> None:
     np.testing.assert_allclose(told[:N, :N], own)
     np.testing.assert_allclose(told[N:, N:], two["organ"].covariance(two["organ"], 6.0, True))
     np.testing.assert_allclose(told[N:, :N], two["organ"].covariance(one["organ"], 6.0, False))
+
+
+def test_the_model_s_own_error_is_larger_where_no_better_element_could_be_solved() -> None:
+    """Half of its variance is common to both states; the second one has no better element."""
+    responses = [RNG.standard_normal((N, 2)) for _ in range(2)]
+    gap = cast(Any, SimpleNamespace(each=[SimpleNamespace(response=R) for R in responses]))
+    columns = _of_the_model(gap, [np.ones((1, N)), np.zeros((0, N))], NUMBERS)
+    solved = NUMBERS.model
+    unsolved = np.hypot(NUMBERS.model, NUMBERS.unsolved_mesh_mm / NUMBERS.force_typical_mm)
+    first, second = solved * responses[0], unsolved * responses[1]
+    told = columns @ columns.T
+    np.testing.assert_allclose(told[:N, :N], first @ first.T)
+    np.testing.assert_allclose(told[N:, N:], second @ second.T)
+    np.testing.assert_allclose(told[:N, N:], 0.5 * first @ second.T)
+
+
+def test_half_of_a_reading_s_variance_is_common_to_all_states() -> None:
+    first, second = RNG.standard_normal((N, 2)), RNG.standard_normal((N, 2))
+    told = _read_twice([first, second])
+    np.testing.assert_allclose(told[:N, :N], first @ first.T)
+    np.testing.assert_allclose(told[N:, N:], second @ second.T)
+    np.testing.assert_allclose(told[:N, N:], 0.5 * first @ second.T)
+
+
+def test_a_landmark_is_known_again_in_another_state_by_its_place_at_rest() -> None:
+    a, b, c = [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]
+    data = [SimpleNamespace(n=7, n_marks=2, marks=slice(1, 7)), SimpleNamespace(n=6, n_marks=2, marks=slice(0, 6))]
+    first, second = _of_marks([np.array([a, b]), np.array([c, a])], cast(Any, data))
+    assert first.shape == (7, 9) and second.shape == (6, 9)
+    np.testing.assert_array_equal(first @ first.T, np.diag([0.0, *np.ones(6)]))
+    together = first @ second.T
+    # Row 1 + axis of the first state and row 3 + axis of the second are one landmark's.
+    expected = np.zeros((7, 6))
+    expected[1:4, 3:6] = np.eye(3)
+    np.testing.assert_array_equal(together, expected)
+
+
+def test_a_state_without_a_drawn_organ_has_no_errors_of_surface_modes() -> None:
+    drawn, not_drawn = _of_modes(cast(Any, [SimpleNamespace(n=4, n_modes=2), SimpleNamespace(n=3, n_modes=0)]))
+    np.testing.assert_array_equal(drawn, [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
+    np.testing.assert_array_equal(not_drawn, np.zeros((3, 2)))
+
+
+def test_the_better_element_errs_by_a_share_of_what_it_changes_and_by_the_scatter_of_meshes() -> None:
+    one = np.array([[1.0, 2.0, 3.0]])
+    np.testing.assert_allclose(what_is_left(one, 0.3), 0.3 * one.T)
+    assert what_is_left(np.zeros((0, 3)), 0.3).shape == (3, 0)
+    three = RNG.standard_normal((3, N))
+    told = what_is_left(three, 0.3)
+    of_mean = np.cov(three.T) / 3.0
+    np.testing.assert_allclose(told @ told.T, 0.09 * np.outer(three.mean(axis=0), three.mean(axis=0)) + of_mean)
+    both = left_by_all([one, np.zeros((0, N)), three], 0.3)
+    covariance = both @ both.T
+    np.testing.assert_allclose(covariance[:3, 6:], 0.09 * np.outer(one[0], three.mean(axis=0)))
+    np.testing.assert_allclose(covariance[6:, 6:], told @ told.T)
+    assert not covariance[3:6].any()
