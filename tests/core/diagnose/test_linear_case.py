@@ -16,6 +16,7 @@ from palpate.core.diagnose.refit.pairs import refit_pairs
 from palpate.core.diagnose.refit.refit import refit, refit_corrected
 from palpate.core.diagnose.refit.variants import refit_variants
 from palpate.core.diagnose.verdict.judge import remainder_p
+from palpate.core.diagnose.verdict.ranking import ranking
 from palpate.core.inference.posterior import prior_precision
 from palpate.core.residual.element_correction import ElementCorrection
 
@@ -239,3 +240,30 @@ def test_a_remainder_that_the_effect_itself_can_take_up_is_none() -> None:
     assert remainder_p(case.fit, lead, free_field(A), RULES, 1) > 0.05
     nothing_taken = replace(lead, linearisation=case.fit.linearisation, in_phi=np.zeros((N, 1)))
     assert remainder_p(case.fit, nothing_taken, free_field(A), RULES, 1) < 0.005
+
+
+def test_the_ranking_tells_of_every_effect_what_was_found_or_looked_at() -> None:
+    effects = [effect("a", A, low=0.0, scale=2.0), effect("bcd", B, C, D)]
+    case = LinearCase.of(effects, 4.0 * A[:, 0])
+    screened = [case.looked_at("bcd"), case.looked_at("a")]
+    found = refit_variants(case.fit, screened[1], RULES)
+    assert found is not None
+    first, second = ranking(case.fit, screened, [found], {"a": 0.9, "bcd": 0.1}, {"a": 0.3})
+    assert (first.effect, first.probability, first.cv_gain_mm, first.refitted) == ("a", 0.9, 0.3, True)
+    assert first.log_evidence == found.log_evidence
+    size = first.parameters["size_0"]
+    assert (size.value, size.sd) == (pytest.approx(found.phi[0]), pytest.approx(found.sd_phi[0]))
+    W = np.linalg.inv(case.covariance)
+    left, all_of_it = found.linearisation.residual, case.fit.linearisation.residual
+    assert first.residual_share == pytest.approx((left @ W @ left) / (all_of_it @ W @ all_of_it))
+    assert (second.effect, second.refitted, second.cv_gain_mm, second.residual_share) == ("bcd", False, 0.0, 1.0)
+    looked = screened[0].scores[0]
+    assert second.log_evidence == screened[0].log_evidence
+    assert second.parameters["size_0"].value == pytest.approx(looked.estimate[0])
+    assert second.parameters["size_0"].sd == pytest.approx(np.sqrt(looked.covariance[0, 0]))
+    assert second.p_value == pytest.approx(min(1.0, 3.0 * looked.p_value))
+    # Without a refit the evidence orders them, and no p-value is above 1.
+    rows = ranking(case.fit, screened, [], {}, {})
+    assert [row.effect for row in rows] == ["a", "bcd"]
+    sure = replace(screened[0], scores=[replace(s, p_value=0.9) for s in screened[0].scores])
+    assert ranking(case.fit, [sure], [], {}, {})[0].p_value == 1.0
