@@ -34,7 +34,7 @@ NUMBERS = NoiseModelOptions()
 @dataclass(eq=False)
 class LinearModel:
     """residual = r + J (theta - theta_0) + what the hypothesis adds + correction. unsolvable : names of variants without an equilibrium.
-    remeshed : names of those that change the stress-free mesh."""
+    remeshed : names of those that change the stress-free mesh. solved : (theta, phi) of every solve."""
 
     r: FloatArray
     J: FloatArray
@@ -43,12 +43,14 @@ class LinearModel:
     unsolvable: tuple[str, ...] = ()
     remeshed: tuple[str, ...] = ()
     each: list[None] = field(default_factory=lambda: [None])
+    solved: list[FloatArray] = field(default_factory=list)
 
     def solve(
         self, hypothesis: Hypothesis, theta: FloatArray, phi: FloatArray, near: object
     ) -> JointLinearisation | None:
         """See `JointModel.solve`."""
         name = "" if hypothesis.variant is None else hypothesis.variant.name
+        self.solved.append(np.concatenate([theta, phi]))
         if name in self.unsolvable:
             return None
         added = cast(FloatArray, hypothesis.composition(cast(Any, np.zeros(len(self.r))), phi))

@@ -14,9 +14,10 @@ from palpate.core.diagnose.bench_bodies.fit import fit_body
 from palpate.core.diagnose.bench_bodies.judge import patches_of, split_of
 from palpate.core.diagnose.bench_bodies.markers import Holder
 from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data
+from palpate.core.diagnose.bench_bodies.on_bench import BodySurroundings
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyPatch, BodyProblem, BodyState, PatchFacts, PointLoad
 from palpate.core.diagnose.decision_rules import DecisionRules
-from palpate.core.diagnose.effects import library
+from palpate.core.diagnose.effects import Surroundings, library
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
@@ -111,11 +112,28 @@ def test_gravity_that_the_model_leaves_out_is_found_in_its_size() -> None:
     assert found["verdict"] == "gravity_change"
     assert found["ranking"][0]["parameters"]["change"]["value"] == pytest.approx(9.81, rel=0.1)
     assert found["stiffness"]["with_effect"]["body"]["G_kpa"] == pytest.approx(60.0, rel=0.1)
-    assert found["shrinkage"]["held_out_rms_after_mm"] < 0.3 * found["shrinkage"]["held_out_rms_before_mm"]
+    shrunk = found["shrinkage"]
+    assert shrunk["held_out_rms_after_mm"] < 0.3 * shrunk["held_out_rms_before_mm"]
+    # The interval reaches from the state that gains least to the one that gains most.
+    assert 0.0 < shrunk["ci95"][0] < shrunk["fraction"] < shrunk["ci95"][1] < 1.0
+    assert shrunk["fraction"] == 1.0 - shrunk["held_out_rms_after_mm"] / shrunk["held_out_rms_before_mm"]
     for k in range(3):
         for name, when in (("residual", "before"), ("residual_after", "after")):
             distance = np.linalg.norm(maps[f"state_{k + 1}/{name}"], axis=1)
             assert np.sqrt((distance**2).mean()) == pytest.approx(found["states"][k][f"rms_{when}_mm"])
+
+
+def test_places_in_a_large_body_lie_farther_apart() -> None:
+    """Six tenths of the cube root of its volume, where an organ's spacing would be less."""
+    problem = bar(0.0, model_gravity=False)
+    around = BodySurroundings(problem.shell)
+    size = float(problem.shell.mesh.volumes.sum()) ** (1.0 / 3.0)
+    candidates = around.cell_centres
+    told = around.spread_points(candidates, 0.1 * size)
+    np.testing.assert_array_equal(told, Surroundings(problem.shell).spread_points(candidates, 0.6 * size))
+    wider = around.spread_points(candidates, 2.0 * size)
+    np.testing.assert_array_equal(wider, Surroundings(problem.shell).spread_points(candidates, 2.0 * size))
+    assert len(wider) < len(told)
 
 
 def test_a_model_with_gravity_has_no_gap() -> None:
