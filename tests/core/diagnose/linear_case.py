@@ -62,6 +62,15 @@ class LinearModel:
         empty: Any = np.zeros(0)
         return JointLinearisation((Linearisation(theta, phi, scene, empty, residual, self.J, empty),))
 
+    @property
+    def bounds(self) -> FloatArray:
+        """See `JointModel.bounds`."""
+        return BOUNDS
+
+    def plain(self, theta: FloatArray, near: object) -> JointLinearisation | None:
+        """See `JointModel.plain`."""
+        return self.solve(Hypothesis(), theta, np.zeros(0), near)
+
     def directions(self, hypothesis: Hypothesis, at: JointLinearisation) -> FloatArray:
         """See `JointModel.directions`."""
         assert hypothesis.variant is not None

@@ -15,10 +15,14 @@ from palpate.core.diagnose.posterior import NONE, UNKNOWN, log_prior
 from palpate.core.diagnose.refit.pairs import refit_pairs
 from palpate.core.diagnose.refit.refit import refit, refit_corrected
 from palpate.core.diagnose.refit.variants import refit_variants
-from palpate.core.diagnose.verdict.judge import remainder_p
+from palpate.core.diagnose.verdict.judge import plain_model, remainder_p
 from palpate.core.diagnose.verdict.ranking import ranking
+from palpate.core.diagnose.verdict.true_error import NoiseOfPoints
+from palpate.core.errors import ConvergenceError
 from palpate.core.inference.posterior import prior_precision
+from palpate.core.inference.restricted_likelihood import restricted
 from palpate.core.residual.element_correction import ElementCorrection
+from palpate.core.residual.optimum import best_of, solved
 
 RULES = DecisionRules()
 A, B, C, D = (column(seed, 0.35) for seed in (1, 2, 3, 4))
@@ -119,13 +123,13 @@ def test_a_better_element_s_correction_is_data_for_the_refit() -> None:
     screened = case.looked_at("a")
     first = refit(case.fit, screened, tolerance=1e-6)
     assert first is not None
-    solved = case.fit.model.solved  # type: ignore[attr-defined]
-    solved.clear()
+    asked = case.fit.model.solved  # type: ignore[attr-defined]
+    asked.clear()
     correction = replace(ElementCorrection.none(N), value=1.0 * A[:, 0])
     again = refit_corrected(case.fit, screened, first, correction, tolerance=1e-6)
     assert again is not None
     assert again.correction is correction
-    assert solved[0] == pytest.approx([*first.linearisation.theta, *first.phi])
+    assert asked[0] == pytest.approx([*first.linearisation.theta, *first.phi])
     white = case.fit.weighting.whiten(np.hstack([A, case.fit.linearisation.in_theta]))
     left = white[:, 0] - white[:, 1:] @ np.linalg.lstsq(white[:, 1:], white[:, 0], rcond=None)[0]
     information = float(left @ left)
@@ -270,3 +274,73 @@ def test_the_ranking_tells_of_every_effect_what_was_found_or_looked_at() -> None
     assert [row.effect for row in rows] == ["a", "bcd"]
     sure = replace(screened[0], scores=[replace(s, p_value=0.9) for s in screened[0].scores])
     assert ranking(case.fit, [sure], [], {}, {})[0].p_value == 1.0
+
+
+def test_what_a_model_errs_by_is_the_normal_given_what_was_seen_of_it() -> None:
+    case, m = one_of("a"), 8
+    fit, half, rng = case.fit, 0.5 * case.covariance, np.random.default_rng(2)
+    reader = np.eye(N)[:m]
+    points = NoiseOfPoints(fit, np.eye(m), reader, fit.noise, A, lambda sizes: half)
+    left_out, model = rng.standard_normal(m), plain_model(fit)
+    W = np.linalg.inv(case.covariance)
+    J = fit.linearisation.in_theta
+    of_parameters = J @ np.linalg.inv(J.T @ W @ J + np.diag(prior_precision(BOUNDS))) @ J.T
+    nugget = fit.options.patch_nugget_mm**2 * np.eye(m)
+
+    def given(gap: float) -> tuple[np.ndarray, np.ndarray]:
+        error = (half + gap**2 * A @ A.T + of_parameters)[:m, :m]
+        gain = error @ np.linalg.inv(error + half[:m, :m] + nugget)
+        return gain @ left_out, error - gain @ error
+
+    found = points.error_of(model, left_out, (0.0, 0.2))
+    each = [_log_likelihood(case, gap) for gap in (0.0, 0.2)]
+    np.testing.assert_allclose(found.weights, np.exp(each - logsumexp(each)))
+    for (mean, factor), gap in zip(found.parts, (0.0, 0.2), strict=True):
+        np.testing.assert_allclose(mean, given(gap)[0])
+        np.testing.assert_allclose(factor @ factor.T, given(gap)[1], atol=1e-12)
+    assert found.floor_mm2 == pytest.approx(np.trace(half[:m, :m]) / m)
+    drawn = found.draws(100_000, np.random.default_rng(1))
+    expected = sum(w * mean for w, (mean, _) in zip(found.weights, found.parts, strict=True))
+    np.testing.assert_allclose(drawn.mean(axis=0), expected, atol=0.01)
+
+
+def _log_likelihood(case: LinearCase, gap: float) -> float:
+    """Restricted log likelihood of the plain model's residual with a gap of that size."""
+    fit = case.fit
+    return restricted(case.covariance + gap**2 * A @ A.T, fit.linearisation.residual, fit.linearisation.in_theta)
+
+
+def test_the_plain_optimum_is_the_same_from_every_start() -> None:
+    case = one_of("a")
+    fit, told = case.fit, list[float]()
+    starts = np.log([[6.0, 400.0], [50.0, 7.0], [20.0, 60.0]])
+    found = best_of(fit.model, fit.weighting, starts, fit.linearisation, lambda share, words: told.append(share))
+    assert found.linearisation.theta == pytest.approx(fit.linearisation.theta, abs=1e-6)
+    assert found.ends.shape == (3, 2)
+    assert found.agree(slice(0, 2))
+    lowest = fit.weighting.squared(fit.linearisation.residual)
+    assert found.history[-1] == pytest.approx(lowest)
+    assert found.history == sorted(found.history, reverse=True)
+    assert told == sorted(told) and told[0] >= 0.0 and told[-1] < 1.0
+    apart = replace(found, ends=np.vstack([found.ends, found.ends[:1] + [0.0, 0.06]]))
+    assert not apart.agree(slice(0, 2)) and apart.agree(slice(0, 1))
+
+
+def test_the_best_of_all_starts_counts_and_one_without_an_equilibrium_does_not() -> None:
+    """Stiffer than 100 kPa on the left, the model has no equilibrium."""
+    case = one_of("a")
+    fit = case.fit
+
+    class Shy(type(fit.model)):  # type: ignore[misc]
+        def plain(self, theta: np.ndarray, near: object) -> object:
+            return None if theta[0] > np.log(100.0) else super().plain(theta, near)
+
+    shy = Shy(fit.model.r, fit.model.J, fit.model.theta, fit.model.correction)  # type: ignore[attr-defined]
+    starts = np.log([[300.0, 60.0], [15.0, 50.0]])
+    found = best_of(shy, fit.weighting, starts, fit.linearisation)
+    assert len(found.ends) == 1
+    assert found.linearisation.theta == pytest.approx(fit.linearisation.theta, abs=2e-3)
+    with pytest.raises(ConvergenceError, match="no start of Gauss-Newton could be solved"):
+        best_of(shy, fit.weighting, starts[:1], fit.linearisation)
+    with pytest.raises(ConvergenceError, match="the rest anatomy cannot be deformed"):
+        solved(shy, starts[0], None)
