@@ -6,15 +6,17 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from palpate.core.diagnose.effects import library
-from palpate.core.diagnose.verdict.words import _either_side, _grey
+from palpate.core.diagnose.verdict import words
+from palpate.core.diagnose.verdict.words import _either_side, _grey, next_measurement, sentence
 
 
 def said(posterior: dict[str, float]) -> str:
     effects = {"contour_bias": "one contour is too wide", "prestress": "the rest state is loaded"}
-    screened = [SimpleNamespace(effect=SimpleNamespace(id=name, words=words)) for name, words in effects.items()]
+    screened = [SimpleNamespace(effect=SimpleNamespace(id=name, words=told)) for name, told in effects.items()]
     diagnosis: Any = SimpleNamespace(verdict=SimpleNamespace(posterior=posterior), screened=screened)
     return _grey(diagnosis)
 
@@ -34,3 +36,74 @@ def test_only_tissue_with_two_stiffnesses_leaves_its_reference_open() -> None:
     for name in library(None):
         diagnosis: Any = SimpleNamespace(verdict=SimpleNamespace(candidates=(name,)), screened=effects)
         assert ("covers both" in _either_side(diagnosis)) == (name == "tissue_heterogeneity")
+
+
+@pytest.fixture
+def at_bound(monkeypatch: pytest.MonkeyPatch) -> dict[int, str]:
+    """Regions whose stiffness ended at a bound; every residual is 0.5 mm."""
+    reached: dict[int, str] = {}
+    monkeypatch.setattr(words, "residuals", lambda fit: [np.array([0.5, -0.5])])
+    monkeypatch.setattr(words, "bounds_reached", lambda fit, theta, rules: reached)
+    return reached
+
+
+def _told(verdict: str, *candidates: str, why: str = "", drawn: bool = True) -> Any:
+    effects = [
+        ("contour_bias", "one contour is too wide", "a second reader"),
+        ("prestress", "it is loaded", "another posture"),
+    ]
+    screened = [
+        SimpleNamespace(effect=SimpleNamespace(id=name, words=said, settled_by=by, parameters=[]))
+        for name, said, by in effects
+    ]
+    fit = SimpleNamespace(organ_drawn=drawn, linearisation=SimpleNamespace(theta=None))
+    found = SimpleNamespace(verdict=verdict, candidates=candidates, why=why, posterior={"none": 0.9})
+    return SimpleNamespace(fit=fit, verdict=found, screened=screened, rules=None)
+
+
+def test_no_gap_is_said_with_how_well_the_model_meets_the_organ(at_bound: dict[int, str]) -> None:
+    said = sentence(_told("none"))
+    assert said.startswith("The model meets the deformed organ to 0.50 mm, as well as the contours allow")
+    assert "where the images put it, to 0.50 mm, as well as the images allow" in sentence(_told("none", drawn=False))
+    assert next_measurement(_told("none")) is None
+    at_bound[0] = "prostate left"
+    assert "the stiffness of prostate left ends at the edge of what was allowed" in sentence(_told("none"))
+    assert "moves the organ farther" in str(next_measurement(_told("none")))
+
+
+@pytest.mark.usefixtures("at_bound")
+@pytest.mark.parametrize(
+    ("verdict", "candidates", "why", "words_of_it", "measurement"),
+    [
+        ("unknown", (), "", "nothing in the library explains it", "another bladder and rectum filling"),
+        (
+            "ambiguous",
+            (),
+            "no cause is told",
+            "whether the model leaves anything out: no cause is told.",
+            "moves the organ farther",
+        ),
+        (
+            "ambiguous",
+            ("contour_bias", "prestress"),
+            "",
+            "It could be that one contour is too wide or that it is loaded: these scans cannot tell.",
+            "a second reader (for contour bias); or another posture (for prestress)",
+        ),
+        (
+            "ambiguous",
+            ("prestress",),
+            "it would have to pull",
+            "It may be that it is loaded, but these scans do not settle it: it would have to pull.",
+            "another posture (for prestress)",
+        ),
+        ("prestress", ("prestress",), "", "because it is loaded; the stiffness with this", None),
+    ],
+)
+def test_every_verdict_has_its_sentence_and_the_next_measurement(
+    verdict: str, candidates: tuple[str, ...], why: str, words_of_it: str, measurement: str | None
+) -> None:
+    told = _told(verdict, *candidates, why=why)
+    assert words_of_it in sentence(told)
+    found = next_measurement(told)
+    assert found is None if measurement is None else measurement in str(found)
