@@ -9,11 +9,13 @@ import pytest
 from synthetic_case import problem
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.effects import library
+from palpate.core.forward.effect import Surroundings
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.element_error import element_errors, fine_element_model, fine_element_residual
 from palpate.core.residual.fit_options import GOOD, FitOptions
-from palpate.core.residual.linearised_model import NOTHING, PLAIN, Linearisation, StateModel
+from palpate.core.residual.linearised_model import NOTHING, PLAIN, Hypothesis, Linearisation, StateModel
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.state_models import joint_model
 
@@ -77,3 +79,32 @@ def test_corrections_of_states_are_stacked_and_taken_apart() -> None:
     np.testing.assert_array_equal(both.of(slice(2, 5)).at(theta + 0.1), each[1].at(theta + 0.1))
     nothing = ElementCorrection.none(3)
     assert not nothing.at(theta).any() and nothing.in_theta(theta).shape == (3, 1)
+
+
+def test_what_an_effect_changes_does_not_hang_on_the_correction(model: StateModel, here: Linearisation) -> None:
+    """The better element's correction is the same with the effect and without it."""
+    effect = library()["volume_change"]
+    hypothesis = Hypothesis(effect, effect.variants(Surroundings(model.plain.problem))[0])
+    rng, n = np.random.default_rng(3), model.data.n
+    correction = ElementCorrection(THETA - 0.2, rng.normal(size=n), rng.normal(size=(n, 2)))
+    corrected = replace(model, correction=correction)
+    at = replace(here, phi=np.zeros(hypothesis.n))
+    with_it = replace(solved(corrected, THETA, here), phi=np.zeros(hypothesis.n))
+    assert with_it.residual == pytest.approx(here.residual + correction.at(THETA), abs=1e-3)
+    plain = model.directions(hypothesis, at)
+    assert np.linalg.norm(plain) > 0.1
+    np.testing.assert_allclose(corrected.directions(hypothesis, with_it), plain, atol=1e-3 * np.abs(plain).max())
+
+
+def test_what_the_better_element_changes_is_counted_from_the_quick_one_without_its_correction(
+    model: StateModel, here: Linearisation
+) -> None:
+    found = element_errors(model, here, (), GOOD)
+    better = fine_element_residual(fine_element_model(model), PLAIN, here)
+    assert better is not None
+    np.testing.assert_allclose(found.every, [better - here.residual], atol=1e-9)
+    correction = replace(found.correction, value=found.correction.value + 1.0)
+    again = element_errors(
+        replace(model, correction=correction), solved(replace(model, correction=correction), THETA, here), (), GOOD
+    )
+    np.testing.assert_allclose(again.every, found.every, atol=1e-4)
