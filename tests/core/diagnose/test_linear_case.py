@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from palpate.core.diagnose.comparison import compared
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.posterior import NONE, UNKNOWN, log_prior
-from palpate.core.diagnose.refit.pairs import refit_pairs
+from palpate.core.diagnose.refit.pairs import _Pair, refit_pairs
 from palpate.core.diagnose.refit.refit import refit, refit_corrected
 from palpate.core.diagnose.refit.variants import refit_variants
 from palpate.core.diagnose.verdict.judge import plain_model, remainder_p
@@ -344,3 +344,14 @@ def test_the_best_of_all_starts_counts_and_one_without_an_equilibrium_does_not()
         best_of(shy, fit.weighting, starts[:1], fit.linearisation)
     with pytest.raises(ConvergenceError, match="the rest anatomy cannot be deformed"):
         solved(shy, starts[0], None)
+
+
+def test_the_first_look_at_a_pair_is_exact_where_the_model_is_linear() -> None:
+    """The second effect looks a little like a change of stiffness, which moves with it."""
+    like = B + 0.05 * one_of("a").fit.linearisation.in_theta[:, :1]
+    case = LinearCase.of([effect("a", A), effect("b", like)], 4.0 * A[:, 0] + 2.0 * like[:, 0])
+    lead = refit_variants(case.fit, case.looked_at("a"), RULES)
+    assert lead is not None
+    alone = _Pair.of(case.fit, lead, case.looked_at("b")).alone
+    assert alone.log_evidence == pytest.approx(case.evidence(np.hstack([A, like]), np.ones(2)), abs=CLOSE)
+    assert alone.paid == pytest.approx(0.0, abs=1e-9)
