@@ -102,7 +102,7 @@ def identify_again(folder: Path, problem: IdentificationProblem, options: Identi
         return None
     kept = load_checkpoint(folder / FILE, scene_key(problem, options))
     model = None if kept is None else ReducedModel.load(folder / "reduced.npz", str(kept["model"]))
-    if kept is None or model is None:
+    if kept is None or model is None or "untold" not in kept:  # an earlier version did not ask
         return None
     if untold := str(kept["untold"]):
         raise InputError(f"{folder.parent}: {untold}; run `palpate identify` with them")

@@ -134,3 +134,7 @@ def test_contours_that_mislead_tell_no_stiffness_of_new_ones_either(
     case.write_npz("identify/again.npz", **arrays | {"untold": np.array("contours are all that is seen")})
     with pytest.raises(InputError, match="contours are all that is seen; run `palpate identify` with them"):
         reidentify.run(case, drawn(problem.organ.deformed, tmp_path / "labels.nii.gz"))
+    del arrays["untold"]
+    case.write_npz("identify/again.npz", **arrays)
+    with pytest.raises(InputError, match="holds no reduced model of this scene"):  # of an earlier version
+        reidentify.run(case, drawn(problem.organ.deformed, tmp_path / "labels.nii.gz"))
