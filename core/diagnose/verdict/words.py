@@ -8,6 +8,7 @@ from palpate.core.diagnose.detection.location import residuals
 from palpate.core.diagnose.verdict.bounds_reached import bounds_reached
 from palpate.core.diagnose.verdict.judge import Diagnosis
 from palpate.core.diagnose.verdict.verdict import AMBIGUOUS, NONE, UNKNOWN
+from palpate.core.residual.contours_alone import misleading_contours
 from palpate.core.statistics import rms
 
 _MORE = "a deformed scan in which bladder or rectum moves the organ farther, or contours that err less"
@@ -47,9 +48,15 @@ def sentence(diagnosis: Diagnosis) -> str:
         )  # fmt: skip
     return (
         f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows, "
-        f"because {words[0]}; "
-        f"the stiffness with this taken into account is given beside the one without.{_either_side(diagnosis)}"
+        f"because {words[0]}{_stiffness_with(diagnosis)}"
     )
+
+
+def _stiffness_with(diagnosis: Diagnosis) -> str:
+    """Which stiffness is given beside a named cause."""
+    if misleading_contours(diagnosis.fit):
+        return "; contours that err as much as these tell no stiffness, neither with this taken into account nor without."
+    return f"; the stiffness with this taken into account is given beside the one without.{_either_side(diagnosis)}"
 
 
 def _grey(diagnosis: Diagnosis) -> str:

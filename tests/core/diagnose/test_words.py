@@ -44,6 +44,7 @@ def at_bound(monkeypatch: pytest.MonkeyPatch) -> dict[int, str]:
     reached: dict[int, str] = {}
     monkeypatch.setattr(words, "residuals", lambda fit: [np.array([0.5, -0.5])])
     monkeypatch.setattr(words, "bounds_reached", lambda fit, theta, rules: reached)
+    monkeypatch.setattr(words, "misleading_contours", lambda fit: fit.misleading)
     return reached
 
 
@@ -56,7 +57,7 @@ def _told(verdict: str, *candidates: str, why: str = "", drawn: bool = True) -> 
         SimpleNamespace(effect=SimpleNamespace(id=name, words=said, settled_by=by, parameters=[]))
         for name, said, by in effects
     ]
-    fit = SimpleNamespace(organ_drawn=drawn, linearisation=SimpleNamespace(theta=None))
+    fit = SimpleNamespace(organ_drawn=drawn, linearisation=SimpleNamespace(theta=None), misleading="")
     found = SimpleNamespace(verdict=verdict, candidates=candidates, why=why, posterior={"none": 0.9})
     return SimpleNamespace(fit=fit, verdict=found, screened=screened, rules=None)
 
@@ -107,3 +108,11 @@ def test_every_verdict_has_its_sentence_and_the_next_measurement(
     assert words_of_it in sentence(told)
     found = next_measurement(told)
     assert found is None if measurement is None else measurement in str(found)
+
+
+@pytest.mark.usefixtures("at_bound")
+def test_no_stiffness_is_promised_beside_a_cause_where_contours_mislead() -> None:
+    told = _told("prestress", "prestress")
+    assert "is given beside the one without" in sentence(told)
+    told.fit.misleading = "contours err by more than 0.5 mm"
+    assert "given" not in sentence(told) and "because it is loaded; contours that err as much as these" in sentence(told)
