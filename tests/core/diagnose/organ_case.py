@@ -49,7 +49,9 @@ class Bone:
     points: IntArray
 
 
-def organ_case(*, drawn: bool = True, images: bool = True, marks: int = 2, bone: bool = True, seed: int = 5) -> PlainFit:
+def organ_case(
+    *, drawn: bool = True, images: bool = True, marks: int = 2, bone: bool = True, seed: int = 5
+) -> PlainFit:
     """The plain fit of one state."""
     rng = np.random.default_rng(seed)
     points = surface()

@@ -45,3 +45,53 @@ def test_which_element_stands(apart_mm: float, evidence: float, taken: bool, mon
     assert (found is after) == taken
     assert found.left_mm == pytest.approx(0.0 if taken else apart_mm)
     assert found.own_evidence == (evidence if taken else 10.0)
+
+
+def test_the_correction_at_the_effect_s_optimum_is_what_its_own_mesh_says_and_other_meshes_as_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Two states of two rows. The plain model's correction is the mean over meshes, 0.1 off what its own mesh says."""
+    rng = np.random.default_rng(3)
+    theta, here = np.log([20.0, 60.0]), np.log([25.0, 50.0])
+    quick, better, slope = rng.standard_normal(4), rng.standard_normal(4), rng.standard_normal((4, 2))
+    of_plain = rng.standard_normal(4)
+    before = ElementCorrection(theta, of_plain + 0.1, slope)
+    own = ElementCorrection(theta, rng.standard_normal(4), slope)  # what the refit's residual holds already
+    states = [SimpleNamespace(rows=slice(0, 2)), SimpleNamespace(rows=slice(2, 4))]
+    joint = SimpleNamespace(theta=here, each=states, residual=quick + own.at(here))
+    refit: Any = SimpleNamespace(linearisation=joint, correction=own, hypothesis="with the effect")
+    fit: Any = SimpleNamespace(model=SimpleNamespace(correction=before))
+    monkeypatch.setattr(own_error, "fine_element_residual", lambda fine, hypothesis, at, options: better[at.rows])
+    monkeypatch.setattr(own_error, "refit_corrected", lambda fit, screened, refit, correction: correction)
+    nothing: Any = None
+    found: Any = own_error._with_own_element_error(fit, of_plain, nothing, refit, [nothing, nothing])
+    np.testing.assert_allclose(found.at(here), (better - quick) + 0.1)
+    np.testing.assert_allclose(found.in_theta(here), slope)
+    monkeypatch.setattr(
+        own_error,
+        "fine_element_residual",
+        lambda fine, hypothesis, at, options: better[:2] if at is states[0] else None,
+    )
+    assert own_error._with_own_element_error(fit, of_plain, nothing, refit, [nothing, nothing]) is None
+
+
+def test_only_the_leading_effects_are_corrected_and_none_where_the_plain_model_has_no_better_element(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[float] = []
+
+    def again(fit: Any, own: Any, effect: Any, refit: Refit, fine: Any) -> None:
+        asked.append(refit.own_evidence)
+
+    monkeypatch.setattr(own_error, "_with_own_element_error", again)
+    screened: Any = SimpleNamespace(effect=SimpleNamespace(id="bone_motion"))
+    refits = [_refit(e) for e in (20.0, 20.0 - 0.9 * RULES.hopeless, 19.9 - RULES.hopeless)]
+    fit: Any = SimpleNamespace(on_own_mesh=np.zeros(4), model=SimpleNamespace(each=()))
+    assert own_error.with_own_element_errors(fit, [screened], refits, RULES) == refits
+    assert asked == [20.0, 20.0 - 0.9 * RULES.hopeless]
+    asked.clear()
+    own_error.with_own_element_errors(fit, [screened], [_refit(20.0)] * 5, RULES)
+    assert len(asked) == RULES.at_most
+    asked.clear()
+    fit.on_own_mesh = None
+    assert own_error.with_own_element_errors(fit, [screened], refits, RULES) == refits and not asked

@@ -134,6 +134,8 @@ def test_motion_is_foretold_near_the_organ_only() -> None:
         split = data_split(fit, DecisionRules(near_mm=reach))
         at = places_of(fit, split)[split.parts["surface"].stop :]
         told = np.linalg.norm(at[:, None] - seen.points, axis=2).min(axis=1)
-        assert len(told) and told.max() <= max(reach, gap.min()) + 1e-9  # where all of it is far, the nearest stands for it
+        assert (
+            len(told) and told.max() <= max(reach, gap.min()) + 1e-9
+        )  # where all of it is far, the nearest stands for it
         if reach > gap.min():
             assert told.max() > 0.5 * reach

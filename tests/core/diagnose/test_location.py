@@ -103,7 +103,9 @@ def test_the_forces_are_the_smallest_ones_and_what_the_stiffness_does_is_none_of
 def test_the_peak_is_the_middle_of_the_largest_forces_near_the_organ() -> None:
     organ = np.array([[0.0, 0.0, 0.0]])
     nodes = np.array([[1.0, 0, 0], [3.0, 0, 0], [4.0, 0, 0], [-13.0, 0, 0], [40.0, 0, 0]])
-    size = np.array([1.0, 0.8, 0.6, 0.9, 50.0])  # the third is too small, the fourth too far from the largest, the last from the organ
+    size = np.array(
+        [1.0, 0.8, 0.6, 0.9, 50.0]
+    )  # the third is too small, the fourth too far from the largest, the last from the organ
     found = _peak(nodes, size, organ, 12.0, RULES)
     assert found == pytest.approx([(1.0 * 1.0 + 0.8 * 3.0) / 1.8, 0.0, 0.0])
     assert _peak(nodes[4:], size[4:], organ, 12.0, RULES) is None

@@ -115,4 +115,6 @@ def test_no_stiffness_is_promised_beside_a_cause_where_contours_mislead() -> Non
     told = _told("prestress", "prestress")
     assert "is given beside the one without" in sentence(told)
     told.fit.misleading = "contours err by more than 0.5 mm"
-    assert "given" not in sentence(told) and "because it is loaded; contours that err as much as these" in sentence(told)
+    assert "given" not in sentence(told) and "because it is loaded; contours that err as much as these" in sentence(
+        told
+    )

@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from synthetic_case import problem
 
 from palpate.core.fem.space import Space
-from palpate.core.fem.state import State
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.composition_scene import CompositionScene
 from palpate.core.forward.known_geometry import KnownGeometry
@@ -25,7 +24,6 @@ from palpate.core.observe.motion_rows import MotionRows, mode_reader, motion_in_
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.element_correction import ElementCorrection
-from palpate.core.residual.image_errors import ImageErrors, response_to_held
 from palpate.core.residual.linearised_model import PLAIN, Linearisation, StateModel
 from palpate.core.residual.noise_covariance import NoiseParts
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -192,47 +190,6 @@ def test_a_problem_keeps_it_in_its_file(posed: IdentificationProblem) -> None:
     np.testing.assert_array_equal(again.precision, matched().precision)
     np.testing.assert_array_equal(again.rejected_for, [2])
     assert IdentificationProblem.from_arrays(replace(posed, matched=None).arrays()).matched is None
-
-
-def test_what_a_held_face_does_is_the_slope_of_the_solved_model(solved: Linearisation) -> None:
-    scene = solved.scene
-    move = np.zeros((1, scene.space.n_nodes, 3))
-    move[0, scene.held_nodes()] = [0.3, -0.2, 0.1]
-    found = response_to_held(solved, move)[0]
-    step = 0.02
-    ends = []
-    before = scene.prescribed
-    for sign in (1.0, -1.0):
-        scene.prescribed = before + sign * step * move[0].ravel()
-        ends.append(scene.solve(THETA, State(solved.equilibrium.u, solved.equilibrium.p)).u)
-    scene.prescribed = before
-    np.testing.assert_allclose(found, (ends[0] - ends[1]) / (2.0 * step), atol=2e-3)
-    np.testing.assert_allclose(found[scene.held_nodes()], np.tile([0.3, -0.2, 0.1], (len(scene.held_nodes()), 1)))
-
-
-def test_what_the_model_cannot_predict_reaches_contours_and_images_alike(
-    model: StateModel, solved: Linearisation, posed: IdentificationProblem
-) -> None:
-    options = NoiseModelOptions()
-    errors = ImageErrors.of([solved], [model.data], options)
-    local = errors.local[options.local_lengths_mm.index(10.0)]
-    rows = model.data.motion
-    # A point known to 0.2 mm along each axis: 1 mm of error is 5 of its standard deviations, in all its modes together.
-    data = model.geometry.observation.motion.rows
-    reader = model.geometry.observation.motion.reader
-    near = np.exp(-0.5 * (np.linalg.norm(data.places[0] - data.places[1]) / 10.0) ** 2)
-    share = np.where(data.place[:, None] == data.place, 1.0, near) * (data.as_a_whole @ data.as_a_whole.T)
-    np.testing.assert_allclose(local[rows, rows], reader @ share @ reader.T, rtol=1e-9, atol=1e-9)
-    assert np.abs(local[: model.data.n_modes, rows]).max() > 0.1
-    places = model.geometry.observation.every_place
-    every = np.exp(-0.5 * (np.linalg.norm(places[:, None] - places, axis=2) / 10.0) ** 2)
-    seen = model.data.per_place(solved.scene, solved.equilibrium.u)
-    whole = sum(seen[:, :, axis] @ every @ seen[:, :, axis].T for axis in range(3))
-    np.testing.assert_allclose(local, whole, rtol=1e-9, atol=1e-9)
-    assert np.linalg.eigvalsh(local).min() > -1e-9
-    without = replace(model, data=replace(model.data, motion_covariance=np.zeros((0, 0))))
-    unseen = ImageErrors.of([solved], [without.data], options)
-    assert not np.any([unseen.edge, unseen.alignment, *unseen.local])
 
 
 def scores() -> WindowScores:
