@@ -23,8 +23,11 @@ FLOOR = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
 @pytest.mark.parametrize("bones", [True, False])
 def test_a_state_s_surfaces_modes_and_bones_are_kept(bones: bool) -> None:
     posed = problem(depth=3.0)
-    moved = replace(posed.organ.rest, points=posed.organ.rest.points + [0.4, -0.2, 0.3])
-    bone = BoneRegistration.of(SurfacePair(posed.organ.rest, moved), np.zeros(3), FLOOR, 12.0) if bones else None
+    rest = replace(
+        posed.organ.rest, points=posed.organ.rest.points * [3.0, 4.0, 5.5]
+    )  # as large as bones, and round about no axis
+    moved = replace(rest, points=rest.points + [0.4, -0.2, 0.3])
+    bone = BoneRegistration.of(SurfacePair(rest, moved), np.zeros(3), FLOOR, 12.0) if bones else None
     assert (bone is not None) == bones
     geometry = SharedGeometry.of(posed, "p1p1")
     modes = np.random.default_rng(1).standard_normal((len(geometry.observation.points), 4))
