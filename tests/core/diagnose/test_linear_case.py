@@ -272,6 +272,7 @@ def test_the_ranking_tells_of_every_effect_what_was_found_or_looked_at() -> None
     # Without a refit the evidence orders them, and no p-value is above 1.
     rows = ranking(case.fit, screened, [], {}, {})
     assert [row.effect for row in rows] == ["a", "bcd"]
+    assert [(row.probability, row.cv_gain_mm) for row in rows] == [(0.0, 0.0)] * 2
     sure = replace(screened[0], scores=[replace(s, p_value=0.9) for s in screened[0].scores])
     assert ranking(case.fit, [sure], [], {}, {})[0].p_value == 1.0
 

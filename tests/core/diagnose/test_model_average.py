@@ -10,7 +10,7 @@ import pytest
 from palpate.core.arrays import FloatArray
 from palpate.core.diagnose.effects import Parameter
 from palpate.core.diagnose.verdict import model_average as averaging
-from palpate.core.diagnose.verdict.model_average import mixture, model_average, over_variants
+from palpate.core.diagnose.verdict.model_average import _twin, _unnamed, mixture, model_average, over_variants
 
 MODELS = {
     "volume_change": (np.array([3.0, 4.0]), np.diag([0.04, 0.09])),
@@ -127,6 +127,33 @@ def test_a_variant_held_at_a_bound_counts_with_what_lies_within(beyond: float) -
     exact = float(density @ theta)
     assert mean[0] == pytest.approx(exact, abs=1e-4)
     assert covariance[0, 0] == pytest.approx(float(density @ (theta - exact) ** 2), rel=1e-3)
+
+
+def test_the_twin_of_a_variant_held_at_a_bound_lies_beyond_it_as_well() -> None:
+    """ln G where the fit would be without its bound, less the contrast."""
+    found = _variant(np.log([500.0]), np.array([[0.01, 0.0], [0.0, 0.01]]), 9.0, (0.05, 500.0), (), 0.4)
+    contrast = Parameter("log_contrast", "1", 1.5, over_reference=True)
+    found.phi, found.hypothesis.effect = np.array([np.log(6.0)]), SimpleNamespace(parameters=(contrast,))
+    of, _ = _twin(found)  # type: ignore[arg-type]
+    assert of.mean == pytest.approx(np.log([500.0 / 6.0]) + 0.4, abs=1e-3)
+
+
+def test_something_unnamed_has_the_stiffness_that_a_free_field_leaves_it() -> None:
+    """To first order: least squares of data, prior and field together, held between the bounds."""
+    rng = np.random.default_rng(2)
+    J, F, r = rng.standard_normal((9, 2)), rng.standard_normal((9, 3)), 0.3 * rng.standard_normal(9)
+    bounds, theta = np.tile(np.log([5.0, 500.0]), (2, 1)), np.log([20.0, 60.0])
+    linearisation = SimpleNamespace(theta=theta, residual=r, in_theta=J)
+    weighting = SimpleNamespace(whiten=lambda x: 2.0 * x)
+    fit = SimpleNamespace(linearisation=linearisation, bounds=bounds, weighting=weighting)
+    diagnosis = SimpleNamespace(fit=fit, forces=SimpleNamespace(free=F))
+    X = np.hstack([J, F])
+    H = 4.0 * X.T @ X + np.diag([*(12.0 / np.ptp(bounds, axis=1) ** 2), 1.0, 1.0, 1.0])
+    mean, covariance = _unnamed(diagnosis)  # type: ignore[arg-type]
+    assert mean == pytest.approx(theta - np.linalg.solve(H, 4.0 * X.T @ r)[:2])
+    assert covariance == pytest.approx(np.linalg.inv(H)[:2, :2])
+    linearisation.residual = r - 100.0 * J[:, 0]
+    assert _unnamed(diagnosis)[0][0] == pytest.approx(np.log(500.0))  # type: ignore[arg-type]
 
 
 def test_two_effects_together_count_by_their_probability() -> None:

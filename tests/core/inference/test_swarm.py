@@ -203,6 +203,18 @@ def test_stopping_rules_are_named():
     assert np.abs(collapsed.best_position - [1.5, -0.7]).max() < 0.05
     stuck = run(lambda x: np.ones(len(x)), 1, SwarmOptions(max_iterations=1000, patience=12))
     assert (stuck.stop_reason(), stuck.iteration) == ("stagnation", 13)
+    at_once = run(lambda x: np.ones(len(x)), 1, SwarmOptions(max_iterations=1000, patience=1))
+    assert (at_once.stop_reason(), at_once.iteration) == ("stagnation", 2)
+
+
+def test_particles_begin_with_a_step_to_anywhere_in_the_box():
+    """Velocities are even between the lower and the upper wall as seen from each particle (standard PSO 2011)."""
+    state = Swarm([0.0, 0.0], [1.0, 1.0], 3, SwarmOptions(particles=4000)).state()
+    end = state["x"] + state["v"]
+    assert end.min() >= 0.0 and end.max() <= 1.0
+    np.testing.assert_allclose(
+        np.quantile(end, [0.1, 0.5, 0.9], axis=0), np.repeat([[0.1], [0.5], [0.9]], 2, axis=1), atol=0.02
+    )
 
 
 def test_ranges_of_different_size_are_searched_alike():
