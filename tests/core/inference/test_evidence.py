@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import integrate, stats
+from scipy.special import log_ndtr
+from scipy.stats import norm
 
 from palpate.core.diagnose.effects import library
 from palpate.core.inference.evidence import (
@@ -14,6 +16,7 @@ from palpate.core.inference.evidence import (
     allowed,
     explained,
     log_evidence,
+    log_share,
     mean_of_exponentials,
     projected,
     score,
@@ -164,3 +167,14 @@ def test_a_load_that_pulls_is_no_push() -> None:
 
 def test_a_change_of_stiffness_is_no_gap() -> None:
     assert explained(100.0 * J[:, 1], J) < 1e-18
+
+
+def test_bounds_count_by_the_mass_that_data_and_prior_have_within_them() -> None:
+    """A posterior of 1.0 +- 0.5 under a prior of sd 2.5, allowed between -0.5 and 1.5."""
+    bounds = np.array([[-0.5, 1.5], [-np.inf, np.inf]])
+    found = allowed(np.array([1.0, 7.0]), np.array([0.5, 0.1]), np.array([2.5, 3.0]), bounds)
+    within = norm.cdf(1.0) - norm.cdf(-3.0)
+    assert found == pytest.approx(np.log(within / (norm.cdf(0.6) - norm.cdf(-0.2))))
+    # Far in a tail the share is not lost to rounding, on either side.
+    low, high = np.array([30.0, -31.0]), np.array([31.0, -30.0])
+    assert log_share(low, high) == pytest.approx([log_ndtr(-30.0)] * 2, rel=1e-6)
