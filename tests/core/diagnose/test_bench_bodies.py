@@ -12,7 +12,7 @@ from schemas import check_form
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.bench_bodies.fit import fit_body
 from palpate.core.diagnose.bench_bodies.judge import patches_of, split_of
-from palpate.core.diagnose.bench_bodies.markers import Holder
+from palpate.core.diagnose.bench_bodies.markers import Holder, Markers
 from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data
 from palpate.core.diagnose.bench_bodies.on_bench import BodySurroundings
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyPatch, BodyProblem, BodyState, PatchFacts, PointLoad
@@ -21,6 +21,7 @@ from palpate.core.diagnose.effects import Surroundings, library
 from palpate.core.diagnose.options import DiagnosisOptions
 from palpate.core.errors import InputError
 from palpate.core.fem.meshes import box
+from palpate.core.fem.space import Space
 from palpate.core.files.json_types import plain
 from palpate.core.mesh import TetMesh
 from palpate.core.residual.noise_model_options import NoiseModelOptions
@@ -94,6 +95,25 @@ def test_a_holder_stands_on_the_nodes_within_reach_of_the_nearest_one_and_on_fiv
     np.testing.assert_allclose(holder.arms.sum(axis=0), 0.0, atol=1e-12)
     np.testing.assert_allclose(holder.arm, [-5.0, 1.0, 0.0])
     assert Holder.of(X, np.array([-3.0, 1.0, 0.0]), 6.5).nodes.tolist() == [0, 1, 2, 3, 4, 5, 6]
+
+
+@pytest.mark.parametrize(("above_mm", "off"), [(1.9, False), (2.6, True)])
+def test_a_marker_within_a_quarter_of_a_cell_s_edge_is_on_the_body(above_mm: float, off: bool) -> None:
+    """Cubes of 8 mm in six tetrahedra each of the mean volume of a regular one with edges of 9.0 mm: a quarter is 2.25 mm."""
+    space = Space.of(box((24.0, 24.0, 24.0), (3, 3, 3)), "p1p1")
+    assert (8.0**3 / len(space.mesh.cells) * 27 * 6.0 * np.sqrt(2.0)) ** (1.0 / 3.0) == pytest.approx(8.98, abs=0.1)
+    assert Markers.of(space, np.array([[11.0, 13.0, 24.0 + above_mm]])).off_body.tolist() == [off]
+
+
+def test_the_foot_of_a_holder_is_as_wide_as_the_body_allows() -> None:
+    """Three tenths of the cube root of a small body's volume, 12 mm of a large one."""
+    for size, reach in ((24.0, 7.2), (120.0, 12.0)):
+        space = Space.of(box((size, size, size), (22, 22, 1)), "p1p1")
+        (holder,) = Markers.of(space, np.array([[0.5 * size, 0.5 * size, 2.0 * size]])).holders
+        foot = space.nodes[holder.nodes]
+        middle = np.array([0.5 * size, 0.5 * size, size])
+        inside = np.linalg.norm(space.nodes - middle, axis=1) <= reach + 1e-9
+        np.testing.assert_array_equal(foot, space.nodes[inside])
 
 
 def test_the_motion_of_markers_changes_by_its_derivative() -> None:

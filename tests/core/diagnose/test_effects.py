@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -151,6 +153,22 @@ def test_tissue_is_uneven_across_a_plane_of_any_direction(
     assert G[depth > 13.0] == pytest.approx(5.0, rel=0.03)
     assert G[depth < -7.0] == pytest.approx(1.0, rel=0.03)
     assert G[(depth > 2.0) & (depth < 4.0)].mean() == pytest.approx(np.sqrt(5.0), rel=0.15)
+
+
+def test_the_plane_of_uneven_tissue_lies_about_the_organ(model: StateModel, plain: Linearisation) -> None:
+    """An organ 8 mm aside of the middle: what is 8 mm to its left, and no less, is behind a plane 4 mm from it."""
+    around: Any = SimpleNamespace(
+        cell_centres=surroundings(model, plain).cell_centres, organ_centre=np.array([8.0, 0.0, 0.0])
+    )
+    (left,) = (v for v in library()["tissue_heterogeneity"].variants(around) if v.name == "left")
+    materials = plain.scene.materials(THETA)
+    mesh = model.plain.problem.mesh
+    tissue = mesh.regions == TISSUE
+    count = int(tissue.sum())
+    changed = left.applied(model.plain, np.array([np.log(5.0), -4.0, 0.0, 0.0])).materials(materials)[TISSUE]
+    factor = changed.per_cell(count)[:, 0] / materials[TISSUE].per_cell(count)[:, 0]
+    x = around.cell_centres[tissue, 0]
+    assert factor[x > 12.0] == pytest.approx(5.0, rel=0.1) and factor[x < -6.0] == pytest.approx(1.0, rel=0.1)
 
 
 def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(model: StateModel, plain: Linearisation) -> None:

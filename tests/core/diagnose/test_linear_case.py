@@ -258,6 +258,7 @@ def test_the_ranking_tells_of_every_effect_what_was_found_or_looked_at() -> None
     first, second = ranking(case.fit, screened, [found], {"a": 0.9, "bcd": 0.1}, {"a": 0.3})
     assert (first.effect, first.probability, first.cv_gain_mm, first.refitted) == ("a", 0.9, 0.3, True)
     assert first.log_evidence == found.log_evidence
+    assert (first.variant, second.variant) == ("a_0", screened[0].variants[0].name)
     size = first.parameters["size_0"]
     assert (size.value, size.sd) == (pytest.approx(found.phi[0]), pytest.approx(found.sd_phi[0]))
     W = np.linalg.inv(case.covariance)

@@ -24,6 +24,7 @@ def said(posterior: dict[str, float]) -> str:
 def test_a_cause_more_probable_than_none_is_said() -> None:
     found = said({"none": 0.3, "prestress": 0.6, "contour_bias": 0.04, "unknown": 0.06})
     assert "leaves something out is 0.70, most probably that the rest state is loaded (0.60)" in found
+    assert "most probably that the rest state is loaded (0.60)" in said({"none": 0.3, "prestress": 0.6, "unknown": 0.1})
 
 
 @pytest.mark.parametrize("posterior", [{"none": 0.5, "prestress": 0.5}, {"none": 0.9, "unknown": 0.1}, {}])

@@ -225,13 +225,26 @@ def test_ranges_of_different_size_are_searched_alike():
     np.testing.assert_array_equal(wide.best_position, plain.best_position * scale)
 
 
+def test_the_least_options_are_accepted():
+    Swarm([0.0], [1.0], 0, SwarmOptions(particles=1, informed=1, max_iterations=1, collapse=0.0, patience=0))
+
+
 @pytest.mark.parametrize(
     ("low", "high", "options", "message"),
     [
         ([0.0], [0.0], {}, "ascending order"),
         ([0.0], [np.inf], {}, "must be finite"),
         ([0.0], [1.0, 2.0], {}, "one value a parameter"),
-        ([0.0], [1.0], {"particles": 0}, "must be positive"),
+        *[
+            ([0.0], [1.0], {name: below}, "must be positive")
+            for name, below in [
+                ("particles", 0),
+                ("informed", 0),
+                ("max_iterations", 0),
+                ("collapse", -1e-9),
+                ("patience", -1),
+            ]
+        ],
     ],
 )
 def test_bad_set_up_is_refused(low, high, options, message):

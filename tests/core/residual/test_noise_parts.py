@@ -12,6 +12,7 @@ import pytest
 from palpate.core.arrays import FloatArray
 from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.observe.contour_noise import covariance_between
+from palpate.core.observe.voxel_noise import VoxelNoise
 from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes
 from palpate.core.residual.noise_covariance import (
     NoiseParts,
@@ -21,6 +22,7 @@ from palpate.core.residual.noise_covariance import (
     _of_marks,
     _of_modes,
     _read_twice,
+    _voxels,
 )
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.plain_fit import _of_the_model
@@ -111,6 +113,34 @@ def test_errors_of_contours_are_those_of_draws(same_state: bool, share: float) -
     told = one.covariance(other, 6.0, same_state)
     drawn = seen[0] @ seen[1].T / count
     np.testing.assert_allclose(drawn, told, atol=0.02 * np.abs(told).max())
+
+
+def test_voxels_count_where_a_surface_carries_draws_of_their_errors() -> None:
+    """Two states of an organ and a wall of which one state's has no draws; at rest they share their voxels, deformed they do not."""
+    rng = np.random.default_rng(9)
+    draws = [rng.standard_normal((2, 400, len(POINTS))) for _ in range(3)]
+    rest = draws[0][0]
+
+    def drawn(seed: int, shaped: bool = False) -> _Contour:
+        return replace(_contour(seed, shaped=shaped), voxels=VoxelNoise(POINTS, rest, draws[seed][1]))
+
+    first, second = {"organ": drawn(1, True), "wall": _contour(5)}, {"organ": drawn(2), "wall": drawn(0)}
+    rows, far = [slice(0, N), slice(N, 2 * N)], 1e6
+    told = _voxels(cast(Any, [first, second]), rows, far)
+    at_rest, later = rest.T @ rest / 400.0, [d[1].T @ d[1] / 400.0 for d in draws]
+    organ = [first["organ"], second["organ"]]
+    wall = second["wall"]
+    both = organ[1].at_rest @ at_rest @ organ[0].at_rest.T
+    np.testing.assert_allclose(told[N:, :N], both)
+    np.testing.assert_allclose(told, told.T)
+    own = organ[0].at_rest @ at_rest @ organ[0].at_rest.T + organ[0].response @ later[1] @ organ[0].response.T
+    np.testing.assert_allclose(told[:N, :N], own)
+    other = organ[1].at_rest @ at_rest @ organ[1].at_rest.T + organ[1].response @ later[2] @ organ[1].response.T
+    other += wall.at_rest @ at_rest @ wall.at_rest.T + wall.response @ later[0] @ wall.response.T
+    np.testing.assert_allclose(told[N:, N:], other)
+    near = _voxels(cast(Any, [first, second]), rows, 1e-3)
+    np.testing.assert_allclose(near[N:, :N], organ[1].at_rest @ np.diag(np.diag(at_rest)) @ organ[0].at_rest.T)
+    assert not _voxels(cast(Any, [{"organ": _contour(1)}]), rows[:1], far).any()
 
 
 def test_two_states_share_the_scan_at_rest_and_nothing_else() -> None:
