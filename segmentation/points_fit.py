@@ -48,7 +48,7 @@ def shape_within(scene: Scene, points: FloatArray, taken: Mask) -> Mask:
     """
     ellipsoid = ellipsoid_of(points)
     box = np.array([points.min(axis=0), points.max(axis=0)])
-    near = _near(scene, box)
+    near = scene.part(box, ROOM_MM)
     picture = blurred(scene.filled[near], BLUR_MM, scene.step)
     level, beyond = _level(scene, ellipsoid, near)
     core = level < LEARNT_LEVEL
@@ -68,7 +68,7 @@ def claim_of(scene: Scene, prompts: Prompts, organ: str) -> Mask:
     mode = prompts.mode(organ)
     if mode == "extremes":
         points = prompts.extremes[organ]
-        near = _near(scene, np.array([points.min(axis=0), points.max(axis=0)]))
+        near = scene.part(np.array([points.min(axis=0), points.max(axis=0)]), ROOM_MM)
         claim[near] = _level(scene, ellipsoid_of(points), near)[0] < CLAIMED_LEVEL
     elif mode == "click":
         away = sum((x - c) ** 2 for x, c in zip(scene.axes(), prompts.seeds[organ], strict=True))
@@ -103,11 +103,6 @@ def held_to(scene: Scene, mask: Mask, points: FloatArray) -> Mask:
     away = np.sort(distance.at(points))
     move = float(np.clip(max(away[1], 0.0) + min(away[-2], 0.0), -MOST_MOVE_MM, MOST_MOVE_MM))
     return mask if abs(move) <= 0.5 * scene.step else largest(distance.array < move)
-
-
-def _near(scene: Scene, box: FloatArray) -> tuple[slice, ...]:
-    low, high = scene.index(box[0] - ROOM_MM), scene.index(box[1] + ROOM_MM)
-    return tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
 
 
 def _level(scene: Scene, ellipsoid: Ellipsoid, near: tuple[slice, ...]) -> tuple[FloatArray, FloatArray]:

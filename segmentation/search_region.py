@@ -98,6 +98,11 @@ class Scene:
             inside &= (coordinate > box[0, axis] - margin_mm) & (coordinate < box[1, axis] + margin_mm)
         return inside
 
+    def part(self, box: FloatArray, margin_mm: float) -> tuple[slice, ...]:
+        """The part of the grid that holds a box (2, 3) mm and a margin."""
+        low, high = self.index(box[0] - margin_mm), self.index(box[1] + margin_mm)
+        return tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
+
     def cc(self, mask: Mask) -> float:
         """Volume of a mask, cc."""
         return float(mask.sum()) * self.step**3 / 1000.0

@@ -35,7 +35,7 @@ def walked(
     points : the six outermost ones (6, 3) mm. blocked : other organs and bone.
     """
     box = np.array([points.min(axis=0), points.max(axis=0)])
-    near = _within(scene, box)
+    near = scene.part(box, ROOM_MM)
     fine = blurred(scene.filled[near], 1.0, scene.step)
     level = ellipsoid.level(scene.axes())[near]
     beyond = np.linalg.norm(_away(scene, ellipsoid.centre)[near], axis=-1) * (1.0 - 1.0 / np.maximum(level, 1e-3))
@@ -70,11 +70,6 @@ def block(scene: Scene, others: Mask) -> Mask:
 def deep_in(others: Mask, step: float) -> Mask:
     """The inside of the large parts of other organs: what no one's extreme points make part of this one."""
     return dilated(eroded(others, TRUNK_MM, step), TRUNK_MM - RIM_MM, step)
-
-
-def _within(scene: Scene, box: FloatArray) -> tuple[slice, ...]:
-    low, high = scene.index(box[0] - ROOM_MM), scene.index(box[1] + ROOM_MM)
-    return tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
 
 
 def _away(scene: Scene, centre: FloatArray) -> FloatArray:
