@@ -171,6 +171,35 @@ def test_the_plane_of_uneven_tissue_lies_about_the_organ(model: StateModel, plai
     assert factor[x > 12.0] == pytest.approx(5.0, rel=0.1) and factor[x < -6.0] == pytest.approx(1.0, rel=0.1)
 
 
+def test_a_focus_is_a_ball_whose_place_size_and_contrast_are_its_parameters(
+    model: StateModel, plain: Linearisation
+) -> None:
+    """At its middle all of the contrast, at its radius the root, a radius beyond it nothing."""
+    centres = surroundings(model, plain).cell_centres
+    around: Any = SimpleNamespace(
+        cell_centres=centres, problem=model.plain.problem, spread_points=lambda points, spacing: np.zeros((1, 3))
+    )
+    (focus,) = library()["inclusion"].variants(around)
+    mesh, materials = model.plain.problem.mesh, plain.scene.materials(THETA)
+    phi = np.array([np.log(4.0), 2.0, -1.0, 0.5, -3.0])
+    changed = focus.applied(model.plain, phi).materials(materials)
+    radius = library()["inclusion"].parameters[4].physical(-3.0)
+    assert radius == 4.5 and focus.where == (0.0, 0.0, 0.0) and focus.name == "at (0, 0, 0)"
+    for region in (1, 2):
+        inside = mesh.regions == region
+        factor = changed[region].per_cell(int(inside.sum()))[:, 0] / materials[region].per_cell(int(inside.sum()))[:, 0]
+        depth = radius - np.linalg.norm(centres[inside] - [2.0, -1.0, 0.5], axis=1)
+        np.testing.assert_allclose(np.log(factor), np.log(4.0) / (1.0 + np.exp(-depth / 1.5)), rtol=1e-9)
+    np.testing.assert_array_equal(changed[TISSUE].values, materials[TISSUE].values)
+
+
+def test_parameters_are_told_in_their_units() -> None:
+    effects = library()
+    assert effects["unmodelled_load"].parameters[6].physical(1.5) == 7.5
+    assert effects["inclusion"].parameters[0].physical(0.7) == 0.7
+    assert {p.name: p.physical(0.0) for p in effects["interface_sliding"].parameters} == {"tangential_compliance": 0.0}
+
+
 def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(model: StateModel, plain: Linearisation) -> None:
     held = CompositionScene(model.geometry, model.plain.with_interface(1e-9))
     found = held.settle(THETA).equilibrium

@@ -19,6 +19,7 @@ from palpate.core.residual.noise_covariance import (
     NoiseSizes,
     _Contour,
     _contours,
+    _floor,
     _of_marks,
     _of_modes,
     _read_twice,
@@ -113,6 +114,18 @@ def test_errors_of_contours_are_those_of_draws(same_state: bool, share: float) -
     told = one.covariance(other, 6.0, same_state)
     drawn = seen[0] @ seen[1].T / count
     np.testing.assert_allclose(drawn, told, atol=0.02 * np.abs(told).max())
+
+
+def test_what_images_tell_and_where_bones_are_have_errors_of_their_own() -> None:
+    """Twelve data: four modes, none of landmarks, then images, then bones."""
+    motion, floor = np.diag([1.0, 2.0]), np.diag(np.arange(1.0, 7.0))
+    data: Any = SimpleNamespace(n=12, motion=slice(4, 6), motion_covariance=motion, bone=SimpleNamespace(floor=floor))
+    expected = np.zeros((12, 12))
+    expected[4:6, 4:6], expected[6:, 6:] = motion, floor
+    np.testing.assert_array_equal(_floor(data), expected)
+    data.bone = None
+    expected[6:, 6:] = 0.0
+    np.testing.assert_array_equal(_floor(data), expected)
 
 
 def test_voxels_count_where_a_surface_carries_draws_of_their_errors() -> None:

@@ -92,3 +92,13 @@ def test_the_curvature_is_that_of_the_posterior() -> None:
     model = VarianceModel([NoisePart(1, 0.3, 5.0)], MATRICES[3:], np.zeros((len(X), len(X))), 1.5)
     _, covariance = model.approximation(0.5 * np.random.default_rng(2).standard_normal(len(X)), J)
     assert 5.0 * np.sqrt(covariance[0, 0]) == pytest.approx(1.0 / np.sqrt(2.0 * (len(X) - 2)), rel=0.05)
+
+
+def test_data_do_not_make_a_size_less_known_than_its_prior() -> None:
+    """One datum of 3 mm beside a known error of 2 mm: there the log likelihood curves upwards, by 0.04 of the prior's curvature."""
+    none = np.zeros((1, 0))
+    flank = VarianceModel([NoisePart(1, 1.0, 0.7)], np.eye(1)[None], 4.0 * np.eye(1), 1.5)
+    mode, covariance = flank.approximation(np.array([3.0]), none)
+    slopes = [flank.log_posterior(mode + step, np.array([3.0]), none)[1][0] for step in (-1e-3, 1e-3)]
+    assert 0.95 < (slopes[0] - slopes[1]) / 2e-3 < 0.97
+    assert covariance[0, 0] == 1.0
