@@ -14,7 +14,7 @@ from palpate.core.diagnose.bench_bodies.fit import fit_body
 from palpate.core.diagnose.bench_bodies.judge import patches_of, split_of
 from palpate.core.diagnose.bench_bodies.markers import Holder, Markers
 from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data
-from palpate.core.diagnose.bench_bodies.on_bench import BodySurroundings
+from palpate.core.diagnose.bench_bodies.on_bench import BodySurroundings, on_bench
 from palpate.core.diagnose.bench_bodies.problem import BODY, BodyPatch, BodyProblem, BodyState, PatchFacts, PointLoad
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.effects import Surroundings, library
@@ -24,6 +24,7 @@ from palpate.core.fem.meshes import box
 from palpate.core.fem.space import Space
 from palpate.core.files.json_types import plain
 from palpate.core.mesh import TetMesh
+from palpate.core.residual.linearised_model import Hypothesis
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.worker.job import Job
 from palpate.core.worker.messages import Reporter
@@ -116,6 +117,16 @@ def test_the_foot_of_a_holder_is_as_wide_as_the_body_allows() -> None:
         np.testing.assert_array_equal(foot, space.nodes[inside])
 
 
+@pytest.mark.parametrize("angle", [0.0, 35.0, 90.0, 140.0, -70.0])
+def test_a_holder_on_a_flat_foot_turns_and_is_never_mirrored(angle: float) -> None:
+    X = np.stack(np.meshgrid(np.arange(3.0), np.arange(3.0), [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    holder = Holder.of(X, np.array([1.0, 1.0, 5.0]), 10.0)
+    c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
+    R = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]]) @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    moved = holder.motion((X - [1.0, 1.0, 0.0]) @ R.T + [1.0, 1.0, 0.0] - X)
+    np.testing.assert_allclose(moved, R @ [0.0, 0.0, 5.0] - [0.0, 0.0, 5.0], atol=1e-9)
+
+
 def test_the_motion_of_markers_changes_by_its_derivative() -> None:
     model = bench_model(bar(0.0, model_gravity=False), "p2p1", 0.7)
     markers, X = marker_data(model)[0].markers, model.first.geometry.space.nodes
@@ -123,6 +134,20 @@ def test_the_motion_of_markers_changes_by_its_derivative() -> None:
     h = 1e-5
     expected = (markers.motion(u + h * move) - markers.motion(u - h * move)) / (2.0 * h)
     np.testing.assert_allclose(markers.change(u, move), expected, atol=1e-8)
+
+
+def test_gravity_as_an_effect_is_the_gravity_that_a_model_has() -> None:
+    """At 9.81 m/s2 the effect on a model without gravity is the model with it; one that has it has nothing to add."""
+    without, with_it = bar(0.1, model_gravity=False), bar(0.1, model_gravity=True)
+    (known,) = on_bench({"gravity_change": EFFECTS["gravity_change"]}, without).values()
+    (variant,) = known.variants(Surroundings(without.shell))
+    at = np.log([80.0])
+    added = bench_model(without, "p2p1", 0.7).solve(Hypothesis(known, variant), at, np.array([9.81]), None)
+    modelled = bench_model(with_it, "p2p1", 0.7).plain(at, None)
+    assert added is not None and modelled is not None
+    np.testing.assert_allclose(added.residual, modelled.residual, atol=1e-6)
+    (nothing,) = on_bench({"gravity_change": EFFECTS["gravity_change"]}, with_it).values()
+    assert nothing.variants(Surroundings(with_it.shell)) == []
 
 
 def test_gravity_that_the_model_leaves_out_is_found_in_its_size() -> None:

@@ -76,6 +76,20 @@ def test_reactions_and_markers_change_with_the_stiffness_as_their_derivative_say
     np.testing.assert_allclose(here.in_theta[:, 0], expected, rtol=1e-4, atol=1e-6)
 
 
+def test_data_change_with_the_displacements_as_their_derivative_says() -> None:
+    """Markers and a reaction, at a state under strain, along a smooth motion; the materials stay."""
+    model = bench_model(bar_pulled_by(4.0), "p2p1", 0.7)
+    at, data = model.plain(np.log([G]), None), marker_data(model)[0]
+    assert at is not None
+    scene, u = at.first.scene, at.first.equilibrium.u
+    move, h = np.sin(scene.space.nodes[:, [1, 2, 0]] / 20.0), 1e-3
+    expected = (data.residual(scene, u + h * move) - data.residual(scene, u - h * move)) / (2.0 * h)
+    (found,) = data.response(scene, u, move[None]).T
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+    assert np.abs(expected[-1]) > 1e-3
+    np.testing.assert_allclose(data.response(scene, u, 100.0 * move[None])[:, 0], 100.0 * expected, rtol=1e-4)
+
+
 def test_the_error_of_a_displacement_is_carried_to_the_data() -> None:
     """A bar whose end may be off by 0.01 mm: the force by E A / L of that, the middle by half."""
     problem = bar_pulled_by(0.006, sd_mm=0.01)

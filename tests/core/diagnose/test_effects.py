@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ast import literal_eval
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -193,6 +194,21 @@ def test_a_focus_is_a_ball_whose_place_size_and_contrast_are_its_parameters(
     np.testing.assert_array_equal(changed[TISSUE].values, materials[TISSUE].values)
 
 
+def test_fibres_run_along_thirteen_directions_of_unit_length_none_the_other_s_opposite(
+    model: StateModel, plain: Linearisation
+) -> None:
+    a = np.array(
+        [
+            literal_eval(v.name.removeprefix("along "))
+            for v in library()["fibre_anisotropy"].variants(surroundings(model, plain))
+        ]
+    )
+    assert a.shape == (13, 3)
+    np.testing.assert_allclose(np.linalg.norm(a, axis=1), 1.0, atol=0.01)
+    alike = np.abs(a @ a.T) - np.eye(13)
+    assert alike.max() < 0.9
+
+
 def test_parameters_are_told_in_their_units() -> None:
     effects = library()
     assert effects["unmodelled_load"].parameters[6].physical(1.5) == 7.5
@@ -200,7 +216,7 @@ def test_parameters_are_told_in_their_units() -> None:
     assert {p.name: p.physical(0.0) for p in effects["interface_sliding"].parameters} == {"tangential_compliance": 0.0}
 
 
-def test_a_cut_organ_that_is_held_together_moves_like_an_uncut_one(model: StateModel, plain: Linearisation) -> None:
+def test_a_cut_organ_that_is_held_alikemoves_like_an_uncut_one(model: StateModel, plain: Linearisation) -> None:
     held = CompositionScene(model.geometry, model.plain.with_interface(1e-9))
     found = held.settle(THETA).equilibrium
     assert found.converged

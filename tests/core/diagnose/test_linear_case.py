@@ -221,6 +221,17 @@ def test_a_gap_that_is_detected_is_improved_on_before_pairs_are_looked_at() -> N
     assert found.factors[UNKNOWN] == plain.factors[UNKNOWN]
 
 
+def test_a_gap_is_as_sure_as_the_evidence_of_what_was_refitted() -> None:
+    """Draws of noise give no p-value below one in a thousand; a refit's Bayes factor does, over its share of the level."""
+    case = one_of("a", "b", hidden=8.0 * A[:, 0])
+    found = compared(case.fit, case.screened, free_field(C), RULES)
+    of_all = logsumexp([log_prior(n, 2, RULES) + f for n, f in found.factors.items() if "+" not in n])
+    assert found.test.p_value == pytest.approx(
+        np.exp(-of_all) * (1.0 - RULES.prior_nothing) / RULES.refit_share, rel=1e-3
+    )
+    assert found.test.p_value < 1e-6
+
+
 def test_hopeless_effects_of_many_places_are_not_refitted() -> None:
     """`b` has one place, whose refit is cheap; `cd` has two."""
     case = LinearCase.of([effect("a", A), effect("b", B), effect("cd", C, D)], 8.0 * A[:, 0])
