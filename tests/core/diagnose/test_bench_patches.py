@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from bench_blocks import block, block_mesh, faces_at, seen, with_focus
 from schemas import check_form
 
+from palpate.core.diagnose.bench_bodies import model as bench
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
 from palpate.core.diagnose.bench_bodies.fit import fit_body
 from palpate.core.diagnose.bench_bodies.judge import judged
@@ -74,6 +77,44 @@ def test_reactions_and_markers_change_with_the_stiffness_as_their_derivative_say
     reactions = np.concatenate([np.arange(r.stop - 2, r.stop) for r in model.rows])
     assert (np.abs(expected[reactions]) > 1e-2).all()
     np.testing.assert_allclose(here.in_theta[:, 0], expected, rtol=1e-4, atol=1e-6)
+
+
+def test_a_patch_s_rim_is_in_it_where_it_was_not_and_the_other_way_round() -> None:
+    faces, rim = np.array([[0, 1, 2], [3, 4, 5], [6, 7, 8]]), np.array([[3, 4, 5], [9, 10, 11], [12, 13, 14]])
+    patch = BodyPatch(faces, PatchFacts("disc", (0.0, None, None)), rim)
+    assert patch.with_rim_toggled(np.zeros(3, dtype=bool)).faces.tolist() == faces.tolist()
+    toggled = patch.with_rim_toggled(np.array([True, True, False]))
+    assert toggled.faces.tolist() == [[0, 1, 2], [6, 7, 8], [9, 10, 11]]
+    alone = replace(patch, faces=rim[:1]).with_rim_toggled(np.array([True, False, False]))
+    assert alone.faces.shape == (0, 3)
+
+
+def test_where_a_patch_ends_is_an_error_of_a_third_of_its_draws_variance(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The data change by 3 and -6 where the one face of the rim is the patch's; no patch may lose all its faces."""
+    change, solved = np.array([3.0, -6.0]), []
+    faces, rim = np.array([[0, 1, 2]]), np.array([[3, 4, 5]])
+    patch = BodyPatch(faces, PatchFacts("disc", (0.0, None, None)), rim)
+    problem = replace(bar_pulled_by(1.0), patches=(patch,))
+
+    def drawn(problem: BodyProblem, element: str, common: float) -> Any:
+        inside = len(problem.patches[0].faces) > 1
+        solved.append(inside)
+        return SimpleNamespace(plain=lambda theta, near: SimpleNamespace(residual=1.0 + inside * change))
+
+    model: Any = SimpleNamespace(n=2, first=SimpleNamespace(geometry=SimpleNamespace(element="p1p1")))
+    at: Any = SimpleNamespace(theta=None, residual=np.ones(2))
+    monkeypatch.setattr(bench, "bench_model", drawn)
+    monkeypatch.setattr(bench, "marker_data", lambda model: [SimpleNamespace(common=0.7)])
+    found = bench._by_rims(problem, model, at)
+    share = np.mean(solved)
+    assert 0.0 < share < 1.0
+    np.testing.assert_allclose(np.diag(found), share * change**2 / 3.0)
+    assert found[0, 1] < 0.0
+    without = replace(problem, patches=(replace(patch, rim=rim[:0]),))
+    np.testing.assert_array_equal(bench._by_rims(without, model, at), np.zeros((2, 2)))
+    only_rim = replace(problem, patches=(BodyPatch(rim, patch.facts, rim),))
+    solved.clear()
+    assert not bench._by_rims(only_rim, model, at).any() and not any(solved)
 
 
 def test_data_change_with_the_displacements_as_their_derivative_says() -> None:

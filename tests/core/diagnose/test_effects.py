@@ -17,6 +17,7 @@ from synthetic_case import problem
 from palpate.core.diagnose.effects import Surroundings, library
 from palpate.core.diagnose.effects.compressible_organ import given_way, poisson_ratio
 from palpate.core.diagnose.effects.tissue_stiffening import exponent
+from palpate.core.diagnose.effects.unmodelled_load import _normal, _share
 from palpate.core.diagnose.refit.pairs import joined, together
 from palpate.core.errors import InputError
 from palpate.core.forward.composition import Composition
@@ -207,6 +208,14 @@ def test_fibres_run_along_thirteen_directions_of_unit_length_none_the_other_s_op
     np.testing.assert_allclose(np.linalg.norm(a, axis=1), 1.0, atol=0.01)
     alike = np.abs(a @ a.T) - np.eye(13)
     assert alike.max() < 0.9
+
+
+def test_a_push_has_a_normal_profile_and_the_direction_of_the_surface_it_lies_on() -> None:
+    at = np.array([[0.0, 0.0, 0.0], [6.0, 0.0, 0.0], [0.0, 12.0, 0.0]])
+    np.testing.assert_allclose(_share(at, np.zeros(3), 6.0), np.exp([0.0, -0.5, -2.0]))
+    area = np.array([[0.0, 0.0, 2.0], [0.0, 1.0, 0.0], [5.0, 0.0, 0.0]])
+    mean = np.array([5.0 * np.exp(-2.0), np.exp(-0.5), 2.0])
+    np.testing.assert_allclose(_normal(at, area, np.zeros(3)), mean / np.linalg.norm(mean))
 
 
 def test_parameters_are_told_in_their_units() -> None:
