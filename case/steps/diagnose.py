@@ -90,18 +90,11 @@ def run(
         return read_diagnosis(case)
     make_whole(case, part(progress, 0.2, 0.3))
     case.file(_FOLDER).mkdir(parents=True, exist_ok=True)
-    if body:
-        given = body_problem(case).arrays()
-    else:
-        others = remeshed(case, options.meshes - 1, part(progress, 0.3, 0.4))
-        given = arrays(replace(data_of(case, image, law), remeshed=others))
+    others = () if body else remeshed(case, options.meshes - 1, part(progress, 0.3, 0.4))
+    given = body_problem(case).arrays() if body else arrays(replace(data_of(case, image, law), remeshed=others))
     case.write_npz(f"{_FOLDER}/data.npz", **given)
     answer = do_job(_job(case, options, _BODY_KIND if body else _KIND), lambda m: _tell(m, part(progress, 0.4, 1.0)))
-    notes = (
-        surface_notes(case)
-        if body
-        else [*[without] * bool(without), *missing_structures(case, image), *rigid_offset_notes(case)]
-    )
+    notes = surface_notes(case) if body else [*filter(None, [without]), *_pelvis_notes(case, image)]
     record = _of_case(case, typed(answer, DiagnosisRecord, "the worker's answer", ""), notes)
     record = structs.replace(record, image=UNSET if body else image, law=UNSET if law == IdentifyOptions.law else law)
     case.write_json(DIAGNOSIS, record)
@@ -126,6 +119,10 @@ def _as_identified(case: CaseFolder) -> IdentifyOptions:
     """How the stiffness in result.json was found; the usual options where nothing was identified."""
     options = read_result(case).options if case.has("result.json") else UNSET
     return IdentifyOptions() if options is UNSET else options
+
+
+def _pelvis_notes(case: CaseFolder, image: bool) -> list[str]:
+    return [*missing_structures(case, image), *rigid_offset_notes(case)]
 
 
 def _of_case(case: CaseFolder, record: DiagnosisRecord, flags: list[str]) -> DiagnosisRecord:

@@ -65,9 +65,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         "inputs_sha256": made_from.sha256,
         "mesh_sha256": file_sha256(case.file("mesh.npz")),
         "options": asdict(options),
-        "notes": [
-            f"{s}: {n}" for s, labels in (("rest", rest), ("deformed", deformed)) for n in detached_notes(labels)
-        ],
+        "notes": _notes(rest, deformed),
         "laid_elsewhere": None if offset is None else offset.to_dict(),
         "surface_faces": {key[: -len("_faces")]: len(a) for key, a in arrays.items() if key.endswith("_faces")},
     }
@@ -75,6 +73,11 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     MESH.mark_done(case, made_from)
     progress(1.0, f"{len(meshed.mesh.cells)} cells")
     return report
+
+
+def _notes(rest: Volume, deformed: Volume) -> list[str]:
+    """What the labels of each state have that is not meshed."""
+    return [f"{s}: {n}" for s, labels in (("rest", rest), ("deformed", deformed)) for n in detached_notes(labels)]
 
 
 def _require_labels(case: CaseFolder) -> None:
