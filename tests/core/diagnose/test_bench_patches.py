@@ -13,7 +13,7 @@ from schemas import check_form
 
 from palpate.core.diagnose.bench_bodies import model as bench
 from palpate.core.diagnose.bench_bodies.diagnose import diagnose_body
-from palpate.core.diagnose.bench_bodies.fit import fit_body
+from palpate.core.diagnose.bench_bodies.fit import _moves_patches, fit_body
 from palpate.core.diagnose.bench_bodies.judge import judged
 from palpate.core.diagnose.bench_bodies.model import bench_model, marker_data, noise_covariance
 from palpate.core.diagnose.bench_bodies.problem import BodyPatch, BodyProblem, BodyState, PatchFacts
@@ -77,6 +77,11 @@ def test_reactions_and_markers_change_with_the_stiffness_as_their_derivative_say
     reactions = np.concatenate([np.arange(r.stop - 2, r.stop) for r in model.rows])
     assert (np.abs(expected[reactions]) > 1e-2).all()
     np.testing.assert_allclose(here.in_theta[:, 0], expected, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("sd_mm", [0.0, 0.01])
+def test_the_noise_hangs_on_the_stiffness_where_what_was_prescribed_may_be_wrong(sd_mm: float) -> None:
+    assert _moves_patches(bar_pulled_by(1.0, sd_mm)) == (sd_mm > 0.0)
 
 
 def test_a_patch_s_rim_is_in_it_where_it_was_not_and_the_other_way_round() -> None:

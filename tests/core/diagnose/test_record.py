@@ -135,7 +135,7 @@ def test_whether_the_scans_tell_a_stiffness_at_its_bound_is_said(sd: float, why:
     assert any("with the effect" in flag and why in flag for flag in _flags(diagnosis(fit), shown))
 
 
-@pytest.mark.parametrize(("mm", "said"), [(0.30, False), (0.40, True)])
+@pytest.mark.parametrize(("mm", "said"), [(0.30, False), (0.40, True), (0.50, True)])
 def test_a_mesh_that_is_too_coarse_is_flagged(mm: float, said: bool) -> None:
     fit = organ_case()
     points, value = len(fit.linearisation.first.scene.observation.points), np.zeros(fit.model.n)
@@ -144,6 +144,12 @@ def test_a_mesh_that_is_too_coarse_is_flagged(mm: float, said: bool) -> None:
     fit.model.correction = ElementCorrection(np.zeros(0), value, np.zeros((len(value), 0)))
     flags = _flags(diagnosis(fit), None)
     assert any(f"by {mm:.2f} mm: the mesh is too coarse" in flag for flag in flags) == said
+    fit.model.each.append(fit.model.each[0])  # the mean over two states of which one is not changed
+    fit.model.correction = ElementCorrection(np.zeros(0), 0.8 * np.sqrt(2.0) * value, np.zeros((len(value), 0)))
+    flags = _flags(diagnosis(fit), None)
+    assert any(f"by {0.8 * mm:.2f} mm: the mesh is too coarse" in flag for flag in flags) == (
+        0.8 * mm > RULES.coarse_mm
+    )
 
 
 def test_what_could_not_be_computed_is_flagged() -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic_case
+from scipy.spatial import cKDTree
 
 from palpate.core.forward.composition import Composition
 from palpate.core.forward.shared_geometry import SharedGeometry
@@ -66,6 +67,18 @@ def test_the_data_change_as_on_a_mesh_that_was_moved(model: StateModel, solved: 
     expected = model.data.modes.T @ (distances[0] - distances[1]) / (2.0 * step)
     assert np.linalg.norm(expected) > 0.0
     assert np.linalg.norm(found[surface] - expected) < 0.05 * np.linalg.norm(expected)
+
+
+def test_on_the_surface_a_vertex_moves_along_the_normal_by_the_mode_itself(solved: Linearisation) -> None:
+    """Nystroem's extension: with the kernel that the modes are of, it is the mode where the mode is known."""
+    modes, observation = ShapeModes.of(solved.scene, LENGTH_MM, LEAST), solved.scene.observation
+    X = solved.scene.problem.mesh.points
+    apart, nearest = cKDTree(observation.points).query(X)
+    on_it = (apart < 1.5) & modes.moves[0].any(axis=1)
+    assert on_it.sum() > 20
+    along = np.einsum("vi,vi->v", modes.moves[0, on_it], observation.normals[nearest[on_it]])
+    there = modes.vectors[nearest[on_it], 0]
+    assert np.sum(along * there) / np.sum(there**2) == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_boundary_of_the_region_stays(solved: Linearisation) -> None:
