@@ -45,6 +45,7 @@ def sentence(diagnosis: Diagnosis) -> str:
             f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows. "
             + (f"It could be that {' or that '.join(words)}: these scans cannot tell." if len(words) > 1 else
                f"It may be that {words[0]}, but these scans do not settle it: {diagnosis.verdict.why}.")
+            + _rather_nothing(diagnosis)
         )  # fmt: skip
     return (
         f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows, "
@@ -55,7 +56,9 @@ def sentence(diagnosis: Diagnosis) -> str:
 def _stiffness_with(diagnosis: Diagnosis) -> str:
     """Which stiffness is given beside a named cause."""
     if misleading_contours(diagnosis.fit):
-        return "; contours that err as much as these tell no stiffness, neither with this taken into account nor without."
+        return (
+            "; contours that err as much as these tell no stiffness, neither with this taken into account nor without."
+        )
     return f"; the stiffness with this taken into account is given beside the one without.{_either_side(diagnosis)}"
 
 
@@ -69,6 +72,17 @@ def _grey(diagnosis: Diagnosis) -> str:
     return (
         f" Yet the probability that it leaves something out is {1.0 - nothing:.2f}, most probably that {likeliest.effect.words} "
         f"({p.get(likeliest.effect.id, 0.0):.2f}): too little to call it a gap, too much to exclude one."
+    )
+
+
+def _rather_nothing(diagnosis: Diagnosis) -> str:
+    """What a gap is worth that noise seldom leaves and that is still more probably none; empty where a cause is more probable."""
+    nothing = diagnosis.verdict.posterior.get(NONE, 0.0)
+    if nothing <= 0.5 or not diagnosis.test.detected:
+        return ""
+    return (
+        f" Noise alone seldom leaves as much (p = {diagnosis.test.p_value:.2f}), yet the probability that nothing is left out is "
+        f"{nothing:.2f}: take this for a hint."
     )
 
 

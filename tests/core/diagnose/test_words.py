@@ -60,7 +60,8 @@ def _told(verdict: str, *candidates: str, why: str = "", drawn: bool = True) -> 
     ]
     fit = SimpleNamespace(organ_drawn=drawn, linearisation=SimpleNamespace(theta=None), misleading="")
     found = SimpleNamespace(verdict=verdict, candidates=candidates, why=why, posterior={"none": 0.9})
-    return SimpleNamespace(fit=fit, verdict=found, screened=screened, rules=None)
+    test = SimpleNamespace(detected=verdict != "none", p_value=0.047)
+    return SimpleNamespace(fit=fit, verdict=found, screened=screened, rules=None, test=test)
 
 
 def test_no_gap_is_said_with_how_well_the_model_meets_the_organ(at_bound: dict[int, str]) -> None:
@@ -119,3 +120,13 @@ def test_no_stiffness_is_promised_beside_a_cause_where_contours_mislead() -> Non
     assert "given" not in sentence(told) and "because it is loaded; contours that err as much as these" in sentence(
         told
     )
+
+
+@pytest.mark.usefixtures("at_bound")
+@pytest.mark.parametrize(("nothing", "detected", "said"), [(0.6, True, True), (0.5, True, False), (0.6, False, False)])
+def test_a_gap_that_is_more_probably_none_is_called_a_hint(nothing: float, detected: bool, said: bool) -> None:
+    told = _told("ambiguous", "contour_bias", "prestress")
+    told.verdict.posterior, told.test.detected = {"none": nothing, "prestress": 1.0 - nothing}, detected
+    words_of_it = "(p = 0.05), yet the probability that nothing is left out is 0.60: take this for a hint."
+    assert (words_of_it in sentence(told)) == said
+    assert "cannot tell" in sentence(told)
