@@ -24,7 +24,7 @@ class EvidenceRules:
         sourced(
             "1",
             "A gap is detected when noise alone leaves as much in fewer cases than this share.",
-            "Convention; the blind check asks for 5 % false alarms. Measured: 2 of 200 effect-free cases "
+            "Convention; the blind check asks for 5 % false alarms. Measured: 1 of 16 effect-free cases "
             "(docs/gap.md).",
         ),
     ] = 0.05
