@@ -182,6 +182,8 @@ def test_what_is_not_refitted_keeps_its_share_of_the_prior() -> None:
     assert found["prestress"] / found[UNKNOWN] == pytest.approx(np.e * share / RULES.prior_unknown)
     assert found[UNKNOWN] / found[NONE] == pytest.approx(RULES.prior_unknown)
     assert sum(found.values()) == pytest.approx(1.0)
+    causes = {name: p for name, p in found.items() if name != NONE}
+    assert given_a_gap(found) == pytest.approx({name: p / sum(causes.values()) for name, p in causes.items()})
     assert sum(given_a_gap(found).values()) == pytest.approx(1.0)
 
 

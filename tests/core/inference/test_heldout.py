@@ -63,3 +63,46 @@ def test_a_model_that_lacks_something_does_not_predict_what_was_left_out() -> No
     lacking = 0.9 * np.sin(np.arange(N) / 6.0)
     assert predictive_p(s, model(noise, J), 200) > 0.05
     assert predictive_p(s, model(noise + lacking, J), 200) < 0.01
+
+
+def mixed(unit: float = 1.0) -> tuple[Split, np.ndarray, np.random.Generator]:
+    """Two kinds of rows in four patches, the second one's in another unit, and three rows that are never left out."""
+    rng = np.random.default_rng(9)
+    half = rng.standard_normal((43, 43))
+    C = half @ half.T / 43.0 + np.eye(43)
+    size = np.repeat([1.0, unit, 1.0], [20, 20, 3])
+    patch = np.concatenate([np.tile(np.repeat(np.arange(4), 5), 2), [-1] * 3])
+    found = Split(np.eye(43), patch, C * np.outer(size, size), {"surface": slice(0, 20), "tissue": slice(20, 40)})
+    return found, size[:, None] * rng.standard_normal((43, 2)), rng
+
+
+def test_a_mean_over_a_patch_is_of_its_own_rows() -> None:
+    s, _, rng = mixed()
+    squares = rng.uniform(0.0, 2.0, (43, 2))
+    by_hand = [squares[[*range(5 * p, 5 * p + 5), *range(20 + 5 * p, 25 + 5 * p)]].mean(axis=0) for p in range(4)]
+    np.testing.assert_allclose(s.patch_means(squares), by_hand)
+    before, after = np.arange(43.0), 0.5 * np.arange(43.0)[::-1]
+    found = gain(s, before, after)
+    a, b = s.patch_means(before**2), s.patch_means(after**2)
+    assert found.mean_mm2 == pytest.approx(np.mean(a - b)) and found.share == pytest.approx(np.mean(a - b) / np.mean(a))
+    small = gain(s, 1e-3 * before, 1e-3 * after)
+    assert small.share == pytest.approx(found.share)
+    assert (found.before_mm, found.after_mm) == pytest.approx(
+        (np.sqrt(np.mean(before[:20] ** 2)), np.sqrt(np.mean(after[:20] ** 2)))
+    )
+
+
+def test_what_a_model_misses_counts_by_its_own_standard_deviation_whatever_its_unit() -> None:
+    """In micrometres or metres the p-value is the same, and a miss among small numbers is not lost beside large ones."""
+    found = []
+    for unit in (1.0, 1e3, 1e-3):
+        s, J, _ = mixed(unit)
+        r = np.random.default_rng(3).standard_normal(43) * np.sqrt(np.diag(s.covariance))
+        found.append(predictive_p(s, model(r, J), 400))
+        r[20:40] *= 4.0
+        assert predictive_p(s, model(r, J), 400) < 0.02
+    assert found[0] == found[1] == found[2] and found[0] > 0.05
+    s, J, _ = mixed()
+    kept = np.zeros(43)
+    kept[40:] = 5.0  # what is never left out is never missed
+    assert predictive_p(s, model(kept, np.zeros((43, 2))), 400) > 0.9
