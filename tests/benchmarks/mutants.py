@@ -33,12 +33,13 @@ def copied(folder: Path) -> Path:
     shutil.copytree(TOP / "palpate", folder / "palpate")
     for room in PROGRAM:
         shutil.copytree(TOP / room, folder / "palpate" / room)
-    shutil.copytree(TOP / "tests", folder / "tests")
+    for beside in ("tests", "docs"):
+        shutil.copytree(TOP / beside, folder / beside)
     never = [f"*/{name}.py" for name in DECLARED]
     told = {
         "source_paths": [f"palpate/{room}" for room in ROOMS],
         "do_not_mutate": never,
-        "also_copy": ["palpate", "tests"],
+        "also_copy": ["palpate", "tests", "docs"],
         "pytest_add_cli_args_test_selection": [*(f"tests/{room}" for room in ROOMS), "-k", SLOW],
     }
     lines = [f"{key} = {json.dumps(value)}" for key, value in told.items()]
