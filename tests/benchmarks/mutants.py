@@ -23,7 +23,7 @@ DECLARED = ("noise_model_options", "decision_rules", "evidence_rules", "diagnosi
 # What mutmut notes of a mutant that no test noticed.
 LIVES = {0: "lives", 33: "lives, no test calls it"}
 # Tests that take long, or start processes.
-SLOW = "not joint_states and not any_number_of_workers and not test_diagnose and not kept_fit and not organ_not_drawn"
+SLOW = "not joint_states and not any_number_of_workers and not test_diagnose and not kept_fit_is_the_one and not fit_to_images"
 
 
 def copied(folder: Path) -> Path:

@@ -61,8 +61,17 @@ def test_the_correction_at_the_effect_s_optimum_is_what_its_own_mesh_says_and_ot
     joint = SimpleNamespace(theta=here, each=states, residual=quick + own.at(here))
     refit: Any = SimpleNamespace(linearisation=joint, correction=own, hypothesis="with the effect")
     fit: Any = SimpleNamespace(model=SimpleNamespace(correction=before))
-    monkeypatch.setattr(own_error, "fine_element_residual", lambda fine, hypothesis, at, options: better[at.rows])
-    monkeypatch.setattr(own_error, "refit_corrected", lambda fit, screened, refit, correction: correction)
+
+    def fine(model: Any, hypothesis: Any, at: Any, options: Any) -> Any:
+        assert (hypothesis, options) == ("with the effect", own_error._FEW)
+        return better[at.rows]
+
+    def again(of: Any, screened: Any, refitted: Any, correction: Any) -> Any:
+        assert of is fit and screened is nothing and refitted is refit
+        return correction
+
+    monkeypatch.setattr(own_error, "fine_element_residual", fine)
+    monkeypatch.setattr(own_error, "refit_corrected", again)
     nothing: Any = None
     found: Any = own_error._with_own_element_error(fit, of_plain, nothing, refit, [nothing, nothing])
     np.testing.assert_allclose(found.at(here), (better - quick) + 0.1)
@@ -80,7 +89,8 @@ def test_only_the_leading_effects_are_corrected_and_none_where_the_plain_model_h
 ) -> None:
     asked: list[float] = []
 
-    def again(fit: Any, own: Any, effect: Any, refit: Refit, fine: Any) -> None:
+    def again(of: Any, own: Any, effect: Any, refit: Refit, fine: Any) -> None:
+        assert of is fit and own is fit.on_own_mesh and effect is screened and fine == []
         asked.append(refit.own_evidence)
 
     monkeypatch.setattr(own_error, "_with_own_element_error", again)

@@ -180,10 +180,12 @@ def test_the_place_is_that_of_a_candidate_that_has_one_else_of_the_largest_force
 def test_the_maps_are_those_of_the_plain_model_and_of_every_effect_that_was_refitted() -> None:
     fit = organ_case()
     data, observation = fit.model.data_vectors[0], fit.linearisation.first.scene.observation
-    fit.model.correction = ElementCorrection(np.zeros(0), np.arange(float(data.n)), np.zeros((data.n, 0)))
+    theta, slope = fit.linearisation.theta, np.ones((data.n, 2))
+    fit.model.correction = ElementCorrection(theta - 0.1, np.arange(float(data.n)), slope)
     found = maps(diagnosis(fit, refit("a", fit)))
     assert {"predicted/plain", "predicted/a", "correction/a", "offset/a", "points", "nodes"} <= found.keys()
-    np.testing.assert_allclose(found["correction/plain"], data.modes @ np.arange(float(data.n_modes)))
+    there = np.arange(float(data.n_modes)) + 2.0 * np.tanh(0.1)
+    np.testing.assert_allclose(found["correction/plain"], data.modes @ there)
     assert not found["correction/a"].any()
     # Displacements are counted from the scan: `seen` adds the scene's shift, here nothing that the operator reads.
     np.testing.assert_allclose(found["predicted/a"], observation.points)

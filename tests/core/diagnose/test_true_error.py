@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from organ_case import organ_case
 
 from palpate.core.arrays import FloatArray
+from palpate.core.diagnose.decision_rules import DecisionRules
+from palpate.core.diagnose.detection.leave_out import data_split
+from palpate.core.diagnose.verdict import true_error as module
 from palpate.core.diagnose.verdict.shrinkage import _shares
-from palpate.core.diagnose.verdict.true_error import TrueError, error_given
+from palpate.core.diagnose.verdict.true_error import NoiseOfPoints, TrueError, error_given
 
 POINTS, CASES, DRAWS = 40, 400, 400
 
@@ -64,3 +68,28 @@ def test_draws_take_every_part_as_often_as_it_is_probable() -> None:
     left = TrueError(np.array([0.25, 0.75]), parts, np.eye(POINTS), np.array([1.0, 3.0]))
     assert left.draws(4000, np.random.default_rng(1))[:, 0].mean() == pytest.approx(1.5, abs=0.06)
     assert left.floor_mm2 == pytest.approx(2.5)
+
+
+def test_the_points_of_the_organ_are_read_in_a_basis_of_all_that_the_data_can_be_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fit = organ_case()
+    split, data = data_split(fit, DecisionRules()), fit.model.data_vectors[0]
+    rng = np.random.default_rng(8)
+    half, free = rng.standard_normal((data.n, data.n)), rng.standard_normal((data.n, 3))
+
+    def drawn(each: object, vectors: object, options: object, shapes: object) -> object:
+        assert (each, vectors) == (fit.linearisation.each, fit.model.data_vectors)
+        assert (options, shapes) == (fit.options, fit.shapes)
+        return lambda sizes: sizes.contour * half @ half.T
+
+    monkeypatch.setattr(module, "organ_noise", drawn)
+    found = NoiseOfPoints.of(fit, split, free)
+    read = split.reader[split.organ]
+    np.testing.assert_allclose(found.basis.T @ found.basis, np.eye(found.basis.shape[1]), atol=1e-9)
+    np.testing.assert_allclose(found.basis @ found.reader, read, atol=1e-9)
+    assert found.free is free and found.noise is fit.noise and found.fit is fit
+    matched = np.zeros((data.n, data.n))
+    matched[data.motion, data.motion] = np.eye(data.n_motion)
+    np.testing.assert_allclose(found.of_organ(fit.sizes), half @ half.T + matched)
+    np.testing.assert_allclose(found.drawing(0), found.reader @ (half @ half.T + matched) @ found.reader.T)

@@ -71,6 +71,15 @@ def test_a_parameter_that_presses_against_a_bound_is_held_and_the_other_is_solve
     assert other is not None and other.theta[0] == pytest.approx(free[0] - 0.5)
 
 
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_parameter_at_a_bound_that_wants_inwards_is_free(side: int) -> None:
+    free = -np.linalg.solve(J.T @ J, J.T @ R)
+    bounds = np.tile([-100.0, 100.0], (2, 1))
+    bounds[0, side] = free[0] + (-0.4, 0.4)[side]
+    found = gauss_newton(linear(), np.array([bounds[0, side], free[1]]), bounds, tolerance=1e-8)
+    assert found is not None and found.theta == pytest.approx(free, abs=1e-6)
+
+
 def test_a_start_beyond_the_bounds_is_brought_in_and_one_without_an_answer_is_none() -> None:
     asked: list[FloatArray] = []
     gauss_newton(linear(asked), np.array([1e3, -1e3]), WIDE)

@@ -12,6 +12,7 @@ from palpate.core.residual import element_error
 from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.element_error import ElementErrors, element_errors, scatter_mm
 from palpate.core.residual.fit_options import GOOD, QUICK
+from palpate.core.residual.linearised_model import PLAIN
 
 N, T = 5, 2
 RNG = np.random.default_rng(6)
@@ -32,24 +33,43 @@ def solvable(monkeypatch: pytest.MonkeyPatch) -> dict[str, bool]:
     """Which meshes have an equilibrium: of the better element on the case's own, of the quick one on the other."""
     has = {"own": True, "other": True}
     fine = Fine(residual=OWN, in_theta=OWN_SLOPE)
-    monkeypatch.setattr(element_error, "fine_element_model", lambda model, element: element)
-    monkeypatch.setattr(element_error, "fine_solution", lambda *a: fine if has["own"] else None)
-    monkeypatch.setattr(element_error, "fine_element_residual", lambda *a: OTHER)
-    monkeypatch.setattr(element_error, "SharedGeometry", SimpleNamespace(of=lambda *a: None))
-    monkeypatch.setattr(element_error, "Composition", lambda problem: None)
-    quick = SimpleNamespace(solve=lambda *a: "there" if has["other"] else None)
-    monkeypatch.setattr(element_error, "StateModel", lambda *a: quick)
+    monkeypatch.setattr(
+        element_error, "fine_element_model", lambda model, element: element if model is not None else None
+    )
+
+    def own(better: object, hypothesis: object, at: Any) -> Any:
+        assert (better, hypothesis) == (GOOD, PLAIN) and at.theta is not None
+        return fine if has["own"] else None
+
+    def elsewhere(better: object, hypothesis: object, at: object) -> Any:
+        assert (better, hypothesis, at) == (GOOD, PLAIN, "there")
+        return OTHER
+
+    def solve(hypothesis: object, theta: Any, phi: Any, near: object) -> str | None:
+        assert hypothesis is PLAIN and theta is THETA and not len(phi) and near is None
+        return "there" if has["other"] else None
+
+    def quick(geometry: object, data: Any, plain: object, correction: ElementCorrection) -> Any:
+        assert (geometry, data.n, plain) == (("problem 2", QUICK, "geometry"), N, "as it is: problem 2")
+        assert not correction.value.any()  # what the better element changes is counted without any
+        return SimpleNamespace(solve=solve)
+
+    monkeypatch.setattr(element_error, "fine_solution", own)
+    monkeypatch.setattr(element_error, "fine_element_residual", elsewhere)
+    monkeypatch.setattr(element_error, "SharedGeometry", SimpleNamespace(of=lambda *a: a))
+    monkeypatch.setattr(element_error, "Composition", lambda problem: f"as it is: {problem}")
+    monkeypatch.setattr(element_error, "StateModel", quick)
     return has
 
 
 def errors(element: str = GOOD, others: int = 1) -> ElementErrors:
     model: Any = SimpleNamespace(
-        data=SimpleNamespace(n=N), correction=HELD, plain=SimpleNamespace(problem=None), geometry=None
+        data=SimpleNamespace(n=N), correction=HELD, plain=SimpleNamespace(problem="problem 1"), geometry="geometry"
     )
     at: Any = SimpleNamespace(
         theta=THETA, residual=QUICK_RESIDUAL + HELD.at(THETA), in_theta=QUICK_SLOPE + HELD.in_theta(THETA)
     )
-    other: Any = SimpleNamespace(problem=lambda like: None)
+    other: Any = SimpleNamespace(problem=lambda like: "problem 2" if like == "problem 1" else None)
     return element_errors(model, at, [other] * others, element)
 
 
@@ -87,10 +107,14 @@ def test_where_the_fit_moved_every_mesh_changes_as_the_case_s_own(
     solvable: dict[str, bool], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = errors()
-    there: Any = Fine(residual=OWN + 3.0, in_theta=2.0 * OWN_SLOPE)
-    monkeypatch.setattr(element_error, "fine_solution", lambda *a: there)
-    model: Any = SimpleNamespace(data=None, correction=HELD)
     theta = THETA + 0.3
+    there: Any = Fine(residual=OWN + 3.0, in_theta=2.0 * OWN_SLOPE)
+    monkeypatch.setattr(
+        element_error,
+        "fine_solution",
+        lambda better, hypothesis, at: there if (better, hypothesis) == (GOOD, PLAIN) and at.theta is theta else None,
+    )
+    model: Any = SimpleNamespace(data=None, correction=HELD)
     at: Any = SimpleNamespace(
         theta=theta, residual=QUICK_RESIDUAL + 1.0 + HELD.at(theta), in_theta=QUICK_SLOPE + HELD.in_theta(theta)
     )

@@ -13,10 +13,12 @@ from palpate.core.arrays import FloatArray
 from palpate.core.observe.contour_errors import ContourErrors
 from palpate.core.observe.contour_noise import covariance_between
 from palpate.core.observe.voxel_noise import VoxelNoise
+from palpate.core.residual import noise_covariance
 from palpate.core.residual.image_errors import ImageErrors, ImageErrorSizes
 from palpate.core.residual.noise_covariance import (
     NoiseParts,
     NoiseSizes,
+    _along,
     _Contour,
     _contours,
     _floor,
@@ -24,6 +26,7 @@ from palpate.core.residual.noise_covariance import (
     _of_modes,
     _read_twice,
     _voxels,
+    organ_noise,
 )
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.plain_fit import _of_the_model
@@ -114,6 +117,47 @@ def test_errors_of_contours_are_those_of_draws(same_state: bool, share: float) -
     told = one.covariance(other, 6.0, same_state)
     drawn = seen[0] @ seen[1].T / count
     np.testing.assert_allclose(drawn, told, atol=0.02 * np.abs(told).max())
+
+
+@pytest.mark.parametrize("shaped", [True, False])
+def test_the_organ_s_own_noise_is_of_drawing_extraction_and_voxels(
+    shaped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two states; sizes that were stated as one come in squared."""
+    options = replace(NUMBERS, lengths_mm=(4.0, 9.0), voxel_length_mm=1e6)
+    rng = np.random.default_rng(3)
+    draws = rng.standard_normal((3, 50, len(POINTS)))
+    contours = [
+        replace(_contour(k), voxels=VoxelNoise(POINTS, draws[0], draws[k])) for k in (1, 2)
+    ]  # fmt: skip
+    shapes = [rng.standard_normal((N, len(POINTS))) for _ in range(2)] if shaped else []
+    monkeypatch.setattr(noise_covariance, "_organ_contour", lambda scene, data, u: contours[scene])
+    vectors: Any = [SimpleNamespace(n=N, n_modes=N - 1)] * 2
+    at: Any = [SimpleNamespace(scene=k, equilibrium=SimpleNamespace(u=None)) for k in range(2)]
+    sizes = replace(NoiseSizes.of(options), contour=1.4, shares=(0.3, 0.7), per_mode=0.2)
+    found = organ_noise(at, vectors, options, shapes)(sizes)
+    if shaped:
+        contours = [replace(c, shape=shape) for c, shape in zip(contours, shapes, strict=True)]
+    read, rows = cast(Any, [{"organ": c} for c in contours]), [slice(0, N), slice(N, 2 * N)]
+    drawn = 1.96 * (0.3 * _contours(read, rows, 4.0) + 0.7 * _contours(read, rows, 9.0))
+    modes = np.kron([[1.0, 0.5], [0.5, 1.0]], np.diag([1.0] * (N - 1) + [0.0]))
+    np.testing.assert_allclose(found, drawn + 0.04 * modes + _voxels(read, rows, 1e6))
+
+
+def test_every_wall_s_slide_adds_to_the_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(4)
+    responses = {"bladder": rng.standard_normal((N, 3)), "rectum": rng.standard_normal((N, 2))}
+    points = SimpleNamespace(displacements=lambda shift: np.full((5, 3), shift))
+    walls = [SimpleNamespace(name=name, rest=np.ones((5, 3)), points=points) for name in responses]
+    # Slides are known by where a wall was scanned, which a stress-free mesh is not.
+    motions = {name: SimpleNamespace(unknown_at=lambda x: x[0, 0]) for name in responses}
+    scene: Any = SimpleNamespace(walls=walls, shift=0.25, geometry=SimpleNamespace(motions=motions))
+    monkeypatch.setattr(
+        noise_covariance, "slide_responses", lambda scene, force, wall, unknown: unknown * responses[wall.name]
+    )
+    nothing: Any = None
+    found = _along(scene, cast(Any, SimpleNamespace(n=N)), nothing)
+    np.testing.assert_allclose(found, 0.75**2 * sum(R @ R.T for R in responses.values()))
 
 
 def test_what_images_tell_and_where_bones_are_have_errors_of_their_own() -> None:
