@@ -232,6 +232,13 @@ def test_a_gap_is_as_sure_as_the_evidence_of_what_was_refitted() -> None:
     assert found.test.p_value < 1e-6
 
 
+def test_pairs_are_looked_for_about_the_best_effect() -> None:
+    case = one_of("a", "b", "c", hidden=6.0 * B[:, 0] + 2.0 * C[:, 0])
+    found = compared(case.fit, case.screened, free_field(D), replace(RULES, pair_worth=0.0))
+    names = [f.hypothesis.effect.id for f in found.pairs if f.hypothesis.effect is not None]
+    assert sorted(names) == ["b+a", "b+c"] and max(found.probability, key=lambda n: found.probability[n]) == "b+c"
+
+
 def test_hopeless_effects_of_many_places_are_not_refitted() -> None:
     """`b` has one place, whose refit is cheap; `cd` has two."""
     case = LinearCase.of([effect("a", A), effect("b", B), effect("cd", C, D)], 8.0 * A[:, 0])

@@ -15,13 +15,15 @@ from palpate.core.diagnose.verdict.record import maps, record
 from palpate.core.files.json_types import plain
 from palpate.core.identify.identify import identify
 from palpate.core.identify.options import IdentifyOptions
+from palpate.core.inference.grid_posterior import GridPosterior
+from palpate.core.inference.posterior import Posterior
 from palpate.core.observe.wall_motion_options import WallMotionOptions
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual import fit_file
 from palpate.core.residual.case_data import CaseData, arrays_of_state
 from palpate.core.residual.fit_file import FILE, FitQuestion, fit_of
 from palpate.core.residual.fit_options import FitOptions
-from palpate.core.residual.kept_fit import arrays_of
+from palpate.core.residual.kept_fit import _posterior, arrays_of
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.plain_fit import FoundFit, PlainFit
 from palpate.core.worker.messages import Reporter
@@ -160,3 +162,17 @@ def test_a_damaged_file_is_said_and_the_model_fitted_again(
     np.testing.assert_array_equal(found.linearisation.residual, identified[1].linearisation.residual)
     monkeypatch.setattr(FitQuestion, "fit", no_fit)
     assert kept(posed, path)[1] == []  # the file is whole again
+
+
+@pytest.mark.parametrize("on_grid", [True, False])
+def test_either_form_of_a_posterior_is_kept(on_grid: bool) -> None:
+    rng, bounds = np.random.default_rng(1), np.log([[5.0, 500.0], [5.0, 500.0]])
+    half = rng.standard_normal((2, 2))
+    parts = (np.log([20.0, 60.0]), half @ half.T, np.array([3.0, 2.0]), 1.7, bounds)
+    grid = (np.cumsum(rng.random((2, 5)), axis=1), np.cumsum(rng.random((2, 5)), axis=1))
+    kept = GridPosterior(*parts, *grid) if on_grid else Posterior(*parts)
+    fields = [name for name in vars(kept) if name != "scale"]
+    found = _posterior({f"posterior/{name}": getattr(kept, name) for name in fields}, kept.scale)
+    assert type(found) is type(kept) and found.scale == 1.7
+    for name in fields:
+        np.testing.assert_array_equal(getattr(found, name), getattr(kept, name))
