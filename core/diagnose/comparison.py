@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.detection.gap_test import GapTest, NullDistribution, null_distribution
 from palpate.core.diagnose.detection.score_test import Screened
-from palpate.core.diagnose.posterior import UNKNOWN, posterior
+from palpate.core.diagnose.posterior import NONE, UNKNOWN, posterior
 from palpate.core.diagnose.refit.pairs import refit_pairs
 from palpate.core.diagnose.refit.refit import Refit
 from palpate.core.diagnose.refit.variants import refit_variants
@@ -67,7 +67,10 @@ def compared(
         progress(0.9, "two effects together")
         pairs = refit_pairs(fit, weighed, refits[0], _factors(null, refits), rules)
     factors = _factors(null, [*refits, *pairs])
-    return Comparison(test, weighed, refits, pairs, factors, posterior(factors, len(weighed), rules))
+    probability = posterior(factors, len(weighed), rules)
+    # Draws are not refitted, so that what the data alone gain by a first look may be gone where each cause is at its own optimum.
+    test = replace(test, detected=test.detected and probability[NONE] < 1.0 - probability[NONE])
+    return Comparison(test, weighed, refits, pairs, factors, probability)
 
 
 def _factors(null: NullDistribution, refits: Sequence[Refit]) -> dict[str, float]:

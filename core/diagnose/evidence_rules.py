@@ -23,9 +23,8 @@ class EvidenceRules:
         float,
         sourced(
             "1",
-            "A gap is detected when noise alone leaves as much in fewer cases than this share.",
-            "Convention; the blind check asks for 5 % false alarms. Measured: 1 of 16 effect-free cases "
-            "(docs/gap.md).",
+            "A gap is detected when noise alone leaves as much in fewer cases than this share, and a cause is more probable than none.",
+            "Convention; the blind check asks for 5 % false alarms. Measured: 1 of 16 effect-free cases (docs/gap.md).",
         ),
     ] = 0.05
     draws: Annotated[

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from msgspec import UnsetType
+
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.words.number_words import three_figures
@@ -45,7 +47,10 @@ def diagnosis_sentence(record: CaseRecord) -> str:
     p = chance(gap.p_value)
     expected = record.expected_misfit_mm
     if verdict == "none":
-        said, doubt = f"found nothing that the model leaves out ({p}){_LITTLE if says_little(found) else ''}", ""
+        said, doubt = (
+            f"found nothing that the model leaves out ({p}{_of_none(found)}){_LITTLE if says_little(found) else ''}",
+            "",
+        )
         if expected is not None and record.result.misfit.rms_mm <= expected:
             return f"The diagnosis {said}: {_SEE}."
     elif not gap.detected and not found.candidates:
@@ -60,6 +65,11 @@ def diagnosis_sentence(record: CaseRecord) -> str:
         f"The diagnosis {said}. It looks for patterns, not for size alone, so its verdict may differ from the sentence before{doubt}: "
         f"{_SEE}."
     )
+
+
+def _of_none(found: DiagnosisRecord) -> str:
+    """How probable it is that nothing is left out; empty in records of earlier versions."""
+    return "" if isinstance(found.posterior, UnsetType) else f", probability {found.posterior['none']:.2f}"
 
 
 def two_stiffnesses(record: CaseRecord) -> str:

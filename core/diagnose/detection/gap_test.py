@@ -22,7 +22,7 @@ class GapTest:
 
     log_factor : of any cause against nothing, linear about the plain fit. p_value : see `NullDistribution.test`. p_smooth, p_named : the
     same of a field without a name alone and of the library alone; 1 without a library. detected : whether p_value is below
-    `DecisionRules.level`.
+    `DecisionRules.level`; of a comparison (`comparison.compared`), whether a cause is more probable than none as well.
     """
 
     log_factor: float

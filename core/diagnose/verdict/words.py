@@ -45,7 +45,6 @@ def sentence(diagnosis: Diagnosis) -> str:
             f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows. "
             + (f"It could be that {' or that '.join(words)}: these scans cannot tell." if len(words) > 1 else
                f"It may be that {words[0]}, but these scans do not settle it: {diagnosis.verdict.why}.")
-            + _rather_nothing(diagnosis)
         )  # fmt: skip
     return (
         f"The model misses the deformed {organ} by {missed}, more than the noise that this pair itself shows, "
@@ -63,26 +62,20 @@ def _stiffness_with(diagnosis: Diagnosis) -> str:
 
 
 def _grey(diagnosis: Diagnosis) -> str:
-    """What that sentence is worth where something is left out with more probability than not; empty else."""
+    """What that sentence is worth where the p-value and the probability of a cause do not agree; empty where they do."""
     p = diagnosis.verdict.posterior
     nothing = p.get(NONE, 1.0)
+    if nothing >= 1.0 - nothing and diagnosis.test.p_value < diagnosis.rules.level:
+        return (
+            f" Noise alone seldom leaves as much (p = {diagnosis.test.p_value:.2g}), yet with every cause at its best, that nothing is "
+            f"left out is more probable ({nothing:.2f})."
+        )
     if nothing >= 1.0 - nothing or not diagnosis.screened:
         return ""
     likeliest = max(diagnosis.screened, key=lambda s: p.get(s.effect.id, 0.0))
     return (
         f" Yet the probability that it leaves something out is {1.0 - nothing:.2f}, most probably that {likeliest.effect.words} "
         f"({p.get(likeliest.effect.id, 0.0):.2f}): too little to call it a gap, too much to exclude one."
-    )
-
-
-def _rather_nothing(diagnosis: Diagnosis) -> str:
-    """What a gap is worth that noise seldom leaves and that is still more probably none; empty where a cause is more probable."""
-    nothing = diagnosis.verdict.posterior.get(NONE, 0.0)
-    if nothing <= 0.5 or not diagnosis.test.detected:
-        return ""
-    return (
-        f" Noise alone seldom leaves as much (p = {diagnosis.test.p_value:.2f}), yet the probability that nothing is left out is "
-        f"{nothing:.2f}: take this for a hint."
     )
 
 

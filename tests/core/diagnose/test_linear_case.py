@@ -232,6 +232,31 @@ def test_a_gap_is_as_sure_as_the_evidence_of_what_was_refitted() -> None:
     assert found.test.p_value < 1e-6
 
 
+@pytest.mark.parametrize(("prior", "detected"), [(0.5, True), (0.999999, False)])
+def test_a_gap_is_detected_where_a_cause_is_more_probable_than_none(prior: float, detected: bool) -> None:
+    """However seldom noise leaves as much: who holds that nothing is left out needs more to be convinced."""
+    case = one_of("a", "b", hidden=0.4 * A[:, 0])
+    found = compared(case.fit, case.screened, free_field(C), replace(RULES, prior_nothing=prior))
+    assert found.test.p_value < RULES.level
+    assert found.test.detected == detected == (found.probability[NONE] < 0.5)
+
+
+def test_what_a_first_look_gains_and_a_better_one_takes_back_is_no_gap() -> None:
+    """The better element, solved with the effect, leaves nothing of what the effect had gained."""
+    case = one_of("a", "b", hidden=0.4 * A[:, 0])
+    first = compared(case.fit, case.screened, free_field(1e-3 * C), RULES)
+    assert first.test.detected
+    found = compared(
+        case.fit,
+        case.screened,
+        free_field(1e-3 * C),
+        RULES,
+        improve=lambda weighed, refits, progress: [replace(f, log_evidence=-1.0) for f in refits],
+    )
+    assert found.test.p_value == first.test.p_value < RULES.level
+    assert not found.test.detected and found.probability[NONE] > 0.5
+
+
 def test_pairs_are_looked_for_about_the_best_effect() -> None:
     case = one_of("a", "b", "c", hidden=6.0 * B[:, 0] + 2.0 * C[:, 0])
     found = compared(case.fit, case.screened, free_field(D), replace(RULES, pair_worth=0.0))
