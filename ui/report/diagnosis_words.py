@@ -69,7 +69,7 @@ def diagnosis_sentence(record: CaseRecord) -> str:
 
 def _of_none(found: DiagnosisRecord) -> str:
     """How probable it is that nothing is left out; empty in records of earlier versions."""
-    return "" if isinstance(found.posterior, UnsetType) else f", probability {found.posterior['none']:.2f}"
+    return "" if isinstance(found.posterior, UnsetType) else f"; probability of nothing {found.posterior['none']:.2f}"
 
 
 def two_stiffnesses(record: CaseRecord) -> str:

@@ -151,6 +151,15 @@ def test_a_pair_without_a_gap_says_so_and_one_without_a_diagnosis_nothing() -> N
     assert not any("diagnosis" in s for s in summary(replace(diagnosed("none"), diagnosis=None)))
 
 
+def test_a_small_p_value_beside_no_gap_stands_with_the_probability_of_none() -> None:
+    record = diagnosed("none")
+    assert record.diagnosis is not None
+    gap = msgspec.structs.replace(record.diagnosis.gap, p_value=0.013)
+    weighed = msgspec.structs.replace(record.diagnosis, gap=gap, posterior={"none": 0.84, "inclusion": 0.16})
+    told = summary(replace(record, diagnosis=weighed))[-1]
+    assert "found nothing that the model leaves out (p = 0.013; probability of nothing 0.84)" in told
+
+
 def test_no_gap_beside_a_stiffness_at_its_bound_says_how_little_that_is() -> None:
     record = diagnosed("none")
     assert record.diagnosis is not None
