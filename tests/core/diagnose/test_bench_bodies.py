@@ -206,11 +206,13 @@ def test_a_body_survives_its_file(tmp_path: Path) -> None:
 
 
 def test_the_numbers_of_a_job_decide_and_are_recorded(tmp_path: Path) -> None:
-    """At a level of 1 whatever is left is a gap; markers on holders that err each by itself have another p-value."""
+    """At a level of 1, and where nothing is held for improbable, whatever is left is a gap; markers on holders that err each by itself
+    have another p-value."""
     problem = bar(0.0, 0.1, model_gravity=True)
     on_holders = tuple(replace(s, rest=MARKERS[:1] * 2, deformed=MARKERS[:1] * 2) for s in problem.states)
     np.savez(tmp_path / "data.npz", **seen(replace(problem, states=on_holders), 60.0).arrays())
-    other = DiagnosisOptions(noise_model=NoiseModelOptions(markers_common=0.1), decision_rules=DecisionRules(level=1.0))
+    whatever = DecisionRules(level=1.0, prior_nothing=1e-6)
+    other = DiagnosisOptions(noise_model=NoiseModelOptions(markers_common=0.1), decision_rules=whatever)
     told = []
     for numbers in (DiagnosisOptions(), other):
         options = {"case": "bar", "effects": None, "numbers": numbers.to_json()}
