@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
 
 import numpy as np
@@ -56,10 +57,7 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
         meshed = _kept_mesh(case, rest, options) or mesh_labels(rest, options)
         arrays = {name: array for state in surfaces() for name, array in state.items()}
     progress(0.9, "writing the mesh")
-    case.write_npz("mesh.npz", **mesh_arrays(meshed.mesh, meshed.boundary))
-    case.write_npz(SURFACES_FILE, **arrays)
-    with case.atomic_path("mesh.vtu") as path:
-        _view(meshed.mesh).save(path)
+    _write(case, meshed, arrays)
     report: MeshReport = {
         **meshed.quality,
         "inputs_sha256": made_from.sha256,
@@ -73,6 +71,14 @@ def run(case: CaseFolder, options: MeshOptions | None = None, progress: Progress
     MESH.mark_done(case, made_from)
     progress(1.0, f"{len(meshed.mesh.cells)} cells")
     return report
+
+
+def _write(case: CaseFolder, meshed: MeshedCase, surfaces: Mapping[str, NumberArray]) -> None:
+    """The mesh for the program and for a viewer, and the surfaces of both states."""
+    case.write_npz("mesh.npz", **mesh_arrays(meshed.mesh, meshed.boundary))
+    case.write_npz(SURFACES_FILE, **surfaces)
+    with case.atomic_path("mesh.vtu") as path:
+        _view(meshed.mesh).save(path)
 
 
 def _notes(rest: Volume, deformed: Volume) -> list[str]:

@@ -58,7 +58,7 @@ class EvidenceRules:
         sourced(
             "1",
             "Prior probability that the plain model leaves nothing out.",
-            "Chosen: even odds. No verdict hangs on it.",
+            "Chosen: even odds. A gap needs a cause that is more probable than none.",
         ),
     ] = 0.5
     prior_pair: Annotated[

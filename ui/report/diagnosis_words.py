@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from msgspec import UnsetType
 
+from palpate.core.diagnose.decision_rules import DecisionRules
 from palpate.core.diagnose.diagnosis_record import DiagnosisRecord
 from palpate.ui.report.record import CaseRecord
 from palpate.ui.words.number_words import three_figures
@@ -39,6 +40,15 @@ def says_little(found: DiagnosisRecord) -> bool:
     return found.verdict == "none" and bool(found.next_measurement)
 
 
+def in_grey(found: DiagnosisRecord) -> bool:
+    """Whether it saw no gap, but its p-value and the probability of a cause do not agree, which its own sentence says."""
+    if found.verdict != "none" or isinstance(found.posterior, UnsetType):
+        return False
+    rules = DecisionRules() if isinstance(found.options, UnsetType) else found.options.decision_rules
+    nothing = found.posterior["none"]
+    return (found.gap.p_value < rules.level) == (nothing >= 1.0 - nothing)
+
+
 def diagnosis_sentence(record: CaseRecord) -> str:
     """The verdict of diagnosis.json in one sentence for the summary, and that it may differ from the misfit's."""
     found = record.diagnosis
@@ -47,10 +57,8 @@ def diagnosis_sentence(record: CaseRecord) -> str:
     p = chance(gap.p_value)
     expected = record.expected_misfit_mm
     if verdict == "none":
-        said, doubt = (
-            f"found nothing that the model leaves out ({p}{_of_none(found)}){_LITTLE if says_little(found) else ''}",
-            "",
-        )
+        little = _LITTLE if says_little(found) else ""
+        said, doubt = f"found nothing that the model leaves out ({p}{_of_none(found)}){little}", ""
         if expected is not None and record.result.misfit.rms_mm <= expected:
             return f"The diagnosis {said}: {_SEE}."
     elif not gap.detected and not found.candidates:

@@ -21,6 +21,7 @@ from palpate.ui.report.diagnosis_words import (
     VERDICTS,
     chance,
     gap_is_seen,
+    in_grey,
     plain,
     says_little,
     two_stiffnesses,
@@ -92,7 +93,7 @@ def gap_section(record: CaseRecord, pictures: Mapping[str, Picture]) -> Section:
 
 def _lead(found: DiagnosisRecord) -> str:
     """The finding in a sentence. Without a gap it states no distance: the one of Fit is the misfit."""
-    if gap_is_seen(found) or says_little(found):
+    if gap_is_seen(found) or says_little(found) or in_grey(found):
         return found.in_words
     return (
         f"The model explains what both scans show as well as their noise allows ({chance(found.gap.p_value)}): nothing in them says "
@@ -109,6 +110,8 @@ def _figures(found: DiagnosisRecord) -> Table:
             ("noise would leave (contours, walls, voxels and mesh of this pair)", f"{gap.noise_floor_mm:.2f} mm rms"),
         ]  # fmt: skip
     rows.append(("chance of such a gap without any effect", chance(gap.p_value)))
+    if found.posterior is not UNSET:
+        rows.append(("probability that nothing is left out", f"{found.posterior['none']:.2f}"))
     if found.image is not UNSET:
         rows.append(("data", "contours and images" if found.image else "contours alone"))
     states = known(gap.states) or []

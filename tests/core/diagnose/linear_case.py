@@ -104,19 +104,7 @@ class LinearCase:
         best = theta - np.linalg.lstsq(white[:, :2], white[:, 2], rcond=None)[0]
         stub: Any = LinearModel(r, J, theta, ElementCorrection.none(N), **model)
         plain = stub.solve(Hypothesis(), best, np.zeros(0), None)
-        posterior = laplace(best, weighting.whiten(plain.residual), weighting.whiten(J), BOUNDS)
-        fit = PlainFit(
-            model=cast(JointModel, stub),
-            linearisation=plain,
-            on_own_mesh=None,
-            meshes=1,
-            scatter_mm=float("nan"),
-            noise=NoiseGrid.known(C, NUMBERS),
-            sizes=NoiseSizes.of(NUMBERS),
-            weighting=weighting,
-            posterior=posterior,
-        )
-        return cls(C, fit, {effect.id: effect for effect in effects})
+        return cls(C, fit_on_arrays(stub, plain, C), {effect.id: effect for effect in effects})
 
     @property
     def screened(self) -> list[Screened]:
@@ -135,6 +123,22 @@ class LinearCase:
         more = plain + (columns * scales**2) @ columns.T
         zero = np.zeros(N)
         return float(multivariate_normal.logpdf(r, zero, more) - multivariate_normal.logpdf(r, zero, plain))
+
+
+def fit_on_arrays(model: Any, at: JointLinearisation, covariance: FloatArray) -> PlainFit:
+    """The plain fit of a model that stands in for `JointModel`, where it fits best; covariance (n, n) of its noise, which is known."""
+    weighting = Weighting(covariance)
+    return PlainFit(
+        model=cast(JointModel, model),
+        linearisation=at,
+        on_own_mesh=None,
+        meshes=1,
+        scatter_mm=float("nan"),
+        noise=NoiseGrid.known(covariance, NUMBERS),
+        sizes=NoiseSizes.of(NUMBERS),
+        weighting=weighting,
+        posterior=laplace(at.theta, weighting.whiten(at.residual), weighting.whiten(at.in_theta), BOUNDS),
+    )
 
 
 def column(seed: int, size: float = 1.0) -> FloatArray:

@@ -9,26 +9,20 @@ from typing import Any, cast
 
 import numpy as np
 import scipy.sparse as sp
+from linear_case import BOUNDS, NUMBERS, fit_on_arrays
 
 from palpate.core.arrays import FloatArray, IntArray
 from palpate.core.fem.meshes import sphere_in_cube
-from palpate.core.inference.posterior import laplace
 from palpate.core.matched_motion import MatchedMotion
-from palpate.core.observe.contour_noise import Weighting
 from palpate.core.observe.motion_data import MotionData
 from palpate.core.observe.motion_observation import MotionObservation
 from palpate.core.observe.motion_rows import MotionRows, mode_reader
 from palpate.core.residual.data_vector import DataVector
 from palpate.core.residual.element_correction import ElementCorrection
-from palpate.core.residual.joint_states import JointLinearisation, JointModel, rows_of
+from palpate.core.residual.joint_states import JointLinearisation, rows_of
 from palpate.core.residual.linearised_model import Linearisation
-from palpate.core.residual.noise_covariance import NoiseSizes
-from palpate.core.residual.noise_estimation import NoiseGrid
-from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.plain_fit import PlainFit
 
-BOUNDS = np.tile(np.log([5.0, 500.0]), (2, 1))
-NUMBERS = NoiseModelOptions()
 RADIUS = 10.0
 NAMES = {1: "prostate_left", 2: "prostate_right"}
 MESH = sphere_in_cube(4, 1, 2, RADIUS, 18.0)
@@ -96,15 +90,4 @@ def organ_case(
         correction=ElementCorrection.none(vector.n),
         first=SimpleNamespace(plain=SimpleNamespace(problem=problem), geometry=SimpleNamespace(walls=None)),
     )
-    weighting = Weighting(covariance)
-    return PlainFit(
-        model=cast(JointModel, model),
-        linearisation=JointLinearisation((plain,)),
-        on_own_mesh=None,
-        meshes=1,
-        scatter_mm=float("nan"),
-        noise=NoiseGrid.known(covariance, NUMBERS),
-        sizes=NoiseSizes.of(NUMBERS),
-        weighting=weighting,
-        posterior=laplace(theta, weighting.whiten(r), weighting.whiten(J), BOUNDS),
-    )
+    return fit_on_arrays(model, JointLinearisation((plain,)), covariance)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from law_derivatives import derivative_errors
+from quick_model import THETA, quick_model, solved_plain
 from synthetic_case import problem
 
 from palpate.core.diagnose.effects import Surroundings, library
@@ -30,14 +31,10 @@ from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.laws import LINEAR, MOONEY_RIVLIN
 from palpate.core.laws.fibre import with_fibres
 from palpate.core.laws.grown import grown
-from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.linearised_model import PLAIN, Hypothesis, Linearisation, StateModel
-from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.validate.forward.random_scenes import random_deformation_gradients
 
 IDS = set(library())
-THETA = np.log([30.0, 70.0])
 THIRTEENTH = """
 from palpate.core.diagnose.effects import Effect, Parameter, Variant
 from palpate.core.forward.material_changes import scaled
@@ -58,17 +55,12 @@ def model() -> StateModel:
     # A second hollow organ, so that prestress has what it needs: half of the same wall by another name.
     faces = posed.boundary["rectum"]
     boundary = {**posed.boundary, "rectum": faces[::2], "bladder": faces[1::2]}
-    posed = replace(posed, boundary=boundary, walls={"rectum": rectum, "bladder": rectum})
-    geometry = SharedGeometry.of(posed, "p1p1")
-    data = DataVector.of(geometry.observation, None, NoiseModelOptions())
-    return StateModel(geometry, data, Composition(posed), ElementCorrection.none(data.n))
+    return quick_model(replace(posed, boundary=boundary, walls={"rectum": rectum, "bladder": rectum}))
 
 
 @pytest.fixture(scope="module")
 def plain(model: StateModel) -> Linearisation:
-    point = model.solve(PLAIN, THETA, np.zeros(0), None)
-    assert point is not None
-    return point
+    return solved_plain(model)
 
 
 def surroundings(model: StateModel, plain: Linearisation) -> Surroundings:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from quick_model import THETA, quick_model, solved_plain
 from synthetic_case import problem
 
 from palpate.core.fem.space import Space
@@ -23,13 +24,11 @@ from palpate.core.observe.motion_observation import MotionObservation
 from palpate.core.observe.motion_rows import MotionRows, mode_reader, motion_in_mm
 from palpate.core.problem import IdentificationProblem
 from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.linearised_model import PLAIN, Linearisation, StateModel
 from palpate.core.residual.noise_covariance import NoiseParts
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.window_scores import WindowScores
 
-THETA = np.log([30.0, 70.0])
 # In the ball, in the tissue beside it, and beyond the block, where there is no mesh.
 PLACES = np.array([[2.0, 3.0, 1.0], [-12.0, 8.0, 2.0], [4.0, 40.0, 0.0]])
 
@@ -52,16 +51,12 @@ def posed() -> IdentificationProblem:
 
 @pytest.fixture(scope="module")
 def model(posed: IdentificationProblem) -> StateModel:
-    geometry = SharedGeometry.of(posed, "p1p1")
-    data = DataVector.of(geometry.observation, None, NoiseModelOptions())
-    return StateModel(geometry, data, Composition(posed), ElementCorrection.none(data.n))
+    return quick_model(posed)
 
 
 @pytest.fixture(scope="module")
 def solved(model: StateModel) -> Linearisation:
-    point = model.solve(PLAIN, THETA, np.zeros(0), None)
-    assert point is not None
-    return point
+    return solved_plain(model)
 
 
 def test_a_direction_without_information_is_no_datum_and_a_point_outside_the_mesh_is_none(

@@ -8,22 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from quick_model import THETA, quick_model, solved_plain
 from synthetic_case import problem
 
 from palpate.core.fem.state import State
-from palpate.core.forward.composition import Composition
-from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.matched_motion import MatchedMotion
 from palpate.core.observe.contour_noise import noise_modes
 from palpate.core.problem import IdentificationProblem
-from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.image_errors import ImageErrors, _alignment, _edge, response_to_held
-from palpate.core.residual.linearised_model import PLAIN, Linearisation, StateModel
+from palpate.core.residual.linearised_model import Linearisation, StateModel
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.surfaces.rigid_motion import rigid_motion
 
-THETA = np.log([30.0, 70.0])
 NUMBERS = NoiseModelOptions()
 # Standard deviations of a registration of bones: mm along each axis, degrees about each.
 FLOOR = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
@@ -44,16 +40,12 @@ def posed() -> IdentificationProblem:
 
 @pytest.fixture(scope="module")
 def model(posed: IdentificationProblem) -> StateModel:
-    geometry = SharedGeometry.of(posed, "p1p1")
-    data = DataVector.of(geometry.observation, None, NUMBERS)
-    return StateModel(geometry, data, Composition(posed), ElementCorrection.none(data.n))
+    return quick_model(posed)
 
 
 @pytest.fixture(scope="module")
 def solved(model: StateModel) -> Linearisation:
-    point = model.solve(PLAIN, THETA, np.zeros(0), None)
-    assert point is not None
-    return point
+    return solved_plain(model)
 
 
 def test_what_a_held_face_does_is_the_slope_of_the_solved_model(solved: Linearisation) -> None:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from quick_model import quick_model, solved_plain
 from synthetic_case import problem
 
 from palpate.core.fem.sensitivity import response_to_forces
-from palpate.core.forward.composition import Composition
-from palpate.core.forward.shared_geometry import SharedGeometry
 from palpate.core.observe.contour_noise import smooth_covariance
 from palpate.core.residual.data_vector import DataVector
-from palpate.core.residual.element_correction import ElementCorrection
 from palpate.core.residual.joint_states import JointLinearisation
-from palpate.core.residual.linearised_model import PLAIN, Linearisation, StateModel
+from palpate.core.residual.linearised_model import Linearisation
 from palpate.core.residual.noise_model_options import NoiseModelOptions
 from palpate.core.residual.unknown_field import ForceFields, UnknownDiscrepancy
 
@@ -22,14 +20,8 @@ NUMBERS = NoiseModelOptions(force_length_mm=8.0)
 
 @pytest.fixture(scope="module", params=[True, False], ids=["drawn", "images alone"])
 def solved(request: pytest.FixtureRequest) -> tuple[Linearisation, DataVector]:
-    posed = problem(depth=3.0)
-    geometry = SharedGeometry.of(posed, "p1p1")
-    data = DataVector.of(geometry.observation, None, NUMBERS, organ_drawn=request.param)
-    point = StateModel(geometry, data, Composition(posed), ElementCorrection.none(data.n)).solve(
-        PLAIN, np.log([30.0, 70.0]), np.zeros(0), None
-    )
-    assert point is not None
-    return point, data
+    model = quick_model(problem(depth=3.0), NUMBERS, organ_drawn=request.param)
+    return solved_plain(model), model.data
 
 
 def test_independent_forces_of_unit_size_move_the_surface_as_far_as_is_typical(

@@ -160,6 +160,27 @@ def test_a_small_p_value_beside_no_gap_stands_with_the_probability_of_none() -> 
     assert "found nothing that the model leaves out (p = 0.013; probability of nothing 0.84)" in told
 
 
+@pytest.mark.parametrize(
+    ("p", "nothing", "grey"), [(0.013, 0.84, True), (0.2, 0.3, True), (0.2, 0.84, False), (0.2, 0.5, False)]
+)
+def test_where_p_value_and_probability_disagree_the_diagnosis_speaks_for_itself(
+    p: float, nothing: float, grey: bool
+) -> None:
+    record = diagnosed("none")
+    assert record.diagnosis is not None
+    found = msgspec.structs.replace(
+        record.diagnosis,
+        gap=msgspec.structs.replace(record.diagnosis.gap, p_value=p),
+        posterior={"none": nothing, "inclusion": 1.0 - nothing},
+        in_words="Yet there is more to say.",
+    )
+    record = replace(record, diagnosis=found)
+    assert ("Yet there is more to say." in texts(record)) == grey
+    assert ("as well as their noise allows" in texts(record)) != grey
+    (table,) = (block for block in gap_section(record, {}).blocks if isinstance(block, Table))
+    assert ("probability that nothing is left out", f"{nothing:.2f}") in table.rows
+
+
 def test_no_gap_beside_a_stiffness_at_its_bound_says_how_little_that_is() -> None:
     record = diagnosed("none")
     assert record.diagnosis is not None
